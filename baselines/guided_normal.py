@@ -17,7 +17,7 @@ from cascadenorm.baselines.bilateral_normal import (
 from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.neighborhoods import each_alone, within
+from cascadenorm.geometry.neighborhoods import faces_near
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.patches.cutting import MeshPatch
@@ -158,9 +158,7 @@ def centroid_distances(mesh: Mesh) -> Floats:
 def faces_within(mesh: Mesh, radius: float) -> Csr:
     """Faces near each face, itself left out: centroids within `radius` mean edge lengths, joined by such faces."""
     count = len(mesh.faces)
-    radii = np.full(count, radius * mesh.mean_edge_length)
-    rings = mesh.topology.face_rings(1)
-    near = within(mesh.centroids, radii, mesh.centroids, rings, each_alone(count))
+    near = faces_near(mesh, np.arange(count, dtype=np.int32), radius * mesh.mean_edge_length)
     return Csr(near.indptr - np.arange(count + 1), near.indices[near.indices != near.rows])
 
 

@@ -47,7 +47,7 @@ def iterated_bilateral_normals(
     normals = np.repeat(mesh.face_normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
     out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
-    parallel_for(len(normals), _keep_range, normals[:, :, :1], out[:, :1])
+    out[:, 0] = mesh.face_normals
     for done in track(passes[-1]):
         parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals

@@ -3,24 +3,23 @@
 B-FND and G-FND consist of these filters (Wang, Liu, Tong 2016).
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.geometry.neighborhoods import within
-from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.mesh.vectors import length, row, squared_distance
+from cascadenorm.compute.elementary import expf
+from cascadenorm.geometry.neighborhoods import UNLIMITED, faces_near, search_faces
+from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.vectors import row, squared_distance
 
 MOST_NEIGHBORS = 2048
-"""Maximum number of neighbours of a filter, which limits the cost where tiny faces lie among much larger ones. Even
-meshes have 180 for σ_s = 2."""
+"""Maximum number of faces of a filter, which limits the cost where tiny faces lie among much larger ones. Even meshes
+have 180 for σ_s = 2."""
 FACES_AT_A_TIME = 1 << 15  # number of faces whose neighbours are stored at a time
 
 
 def filtered_normals(
     mesh: Mesh,
-    guides: Vectors,
+    guides: Floats | Floats32,
     *,
     sigma_s: tuple[float, ...],
     sigma_r: tuple[float, ...],
@@ -52,95 +51,85 @@ def filtered_normals(
     kept.
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
-    spatial = 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2
-    spreads = 0.5 / np.array(sigma_r) ** 2
-    farthest = cutoff if rings is None else np.inf
-    guides = np.ascontiguousarray(guides)
-    for first, neighbors in _neighbors(mesh, cutoff * max(sigma_s) * mesh.mean_edge_length, rings):
-        parallel_for(
-            len(neighbors.counts), _filter_range, first, mesh.face_normals, guides, mesh.centroids, mesh.areas,
-            neighbors, spatial, spreads, 0.5 * farthest**2, out,
-        )  # fmt: skip
+    radius = filter_radius(mesh, sigma_s, cutoff) if rings is None else np.inf
+    parallel_for(
+        len(out), _filter_range, mesh.faces, mesh.topology.vertex_faces, mesh.centroids,
+        (mesh.area_vectors / mesh.median_area).astype(np.float32), mesh.face_normals,
+        np.ascontiguousarray(guides, np.float32), 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2,
+        (0.5 / np.array(sigma_r) ** 2).astype(np.float32), 0.5 * cutoff**2 if rings is None else np.inf,
+        radius**2, UNLIMITED if rings is None else rings, out,
+    )  # fmt: skip
     return out
+
+
+def filter_radius(mesh: Mesh, sigma_s: tuple[float, ...], cutoff: float) -> float:
+    """Return the radius of the widest filter in mesh units."""
+    return cutoff * max(sigma_s) * mesh.mean_edge_length
 
 
 def faces_added(mesh: Mesh, faces: Bools, *, sigma_s: tuple[float, ...], cutoff: float) -> Bools:
     """Return the faces, (m,), that `filtered_normals` sums over for the given faces, (m,), which are included."""
-    radius, graph = cutoff * max(sigma_s) * mesh.mean_edge_length, mesh.topology.face_rings(1)
-    found, every = faces.copy(), np.flatnonzero(faces).astype(np.int32)
+    radius, found, every = filter_radius(mesh, sigma_s, cutoff), faces.copy(), np.flatnonzero(faces).astype(np.int32)
     for first in range(0, len(every), FACES_AT_A_TIME):
         rows = every[first : first + FACES_AT_A_TIME]
-        themselves = Csr(np.arange(len(rows) + 1, dtype=np.int64), rows)
-        radii = np.full(len(rows), radius)
-        near = within(mesh.centroids[rows], radii, mesh.centroids, graph, themselves, most=MOST_NEIGHBORS)
-        found[near.indices] = True
+        found[faces_near(mesh, rows, radius, most=MOST_NEIGHBORS).indices] = True
     return found
-
-
-def _neighbors(mesh: Mesh, radius: float, rings: int | None) -> Iterator[tuple[int, Csr]]:
-    """Yield the number of the first face and the neighbours of a block of faces, within a radius or rings.
-
-    Neighbours within a radius are found by a traversal over faces that share a vertex. It starts at the face itself and
-    includes it.
-    """
-    if rings is not None:
-        yield 0, mesh.topology.face_rings(rings)
-        return
-    graph, count = mesh.topology.face_rings(1), len(mesh.faces)
-    for first in range(0, count, FACES_AT_A_TIME):
-        rows = np.arange(first, min(first + FACES_AT_A_TIME, count), dtype=np.int32)
-        themselves = Csr(np.arange(len(rows) + 1, dtype=np.int64), rows)
-        radii = np.full(len(rows), radius)
-        yield first, within(mesh.centroids[rows], radii, mesh.centroids, graph, themselves, most=MOST_NEIGHBORS)
 
 
 @kernel
 def _filter_range(
     start: int,
     stop: int,
-    first: int,
-    normals: Vectors,
-    guides: Floats,
+    faces: Ints32,
+    around: Csr,
     centroids: Vectors,
-    areas: Floats,
-    neighbors: Csr,
+    vectors: Floats32,
+    normals: Vectors,
+    guides: Floats32,
     spatial: Floats,
-    spreads: Floats,
+    spreads: Floats32,
     largest: float,
+    limit: float,
+    rings: int,
     out: Floats32,
 ) -> None:
-    """Compute all filters of face first + i in one pass over its neighbours. Only iteration i writes its row."""
-    count_s, count_r = len(spatial), len(spreads)
-    total = np.empty((count_s, count_r, 3))
-    for i in range(start, stop):
-        # The face itself has distance 0.
-        f = first + i
-        for s in range(count_s):
-            for r in range(count_r):
-                for d in range(3):
-                    total[s, r, d] = areas[f] * normals[f, d]
+    """Compute all filters of each face. Only iteration f writes row f.
 
-        # Neighbours: the spatial weight is shared by all range spreads, the chord by all filters with the same guide.
-        # Neighbours whose spatial exponent exceeds `largest` are skipped.
-        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
-            g = neighbors.indices[k]
-            if g == f:
-                continue
-            distance = squared_distance(row(centroids, g), row(centroids, f))
-            for s in range(count_s):
-                u = spatial[s] * distance
-                if u > largest:
-                    continue
-                near = areas[g] * np.exp(-u)
-                chord = squared_distance(row(guides[s], g), row(guides[s], f))
-                for r in range(count_r):
-                    w = near if spreads[r] == 0 else near * np.exp(-spreads[r] * chord)
-                    for d in range(3):
-                        total[s, r, d] += w * normals[g, d]
+    Parameters
+    ----------
+    vectors
+        (m, 3) area vectors in any unit of area.
+    spatial, spreads
+        Factors of the squared distance and of the squared chord in the exponent, for each σ_s and each σ_r.
+    largest
+        Largest spatial exponent; faces beyond it are left out.
+    limit, rings
+        Largest squared distance and largest number of steps, see `search_faces`.
+    """
+    seen = np.full(len(faces), -1, np.int32), np.full(len(around.indptr) - 1, -1, np.int32)
+    found, distances = np.empty(MOST_NEIGHBORS, np.int32), np.empty(MOST_NEIGHBORS)
+    # exponents of both weights, the weights, and the area vectors of the neighbours, one array for each component
+    u, chord, weight, x, y, z = np.empty((6, MOST_NEIGHBORS), np.float32)
+    for f in range(start, stop):
+        count = search_faces(f, faces, around, centroids, limit, rings, seen, found, distances)
+        for s in range(len(spatial)):
+            # All σ_r share the neighbours of a σ_s.
+            near = 0
+            for k in range(count):
+                exponent, g = spatial[s] * distances[k], found[k]
+                if exponent <= largest:
+                    u[near], chord[near] = exponent, squared_distance(row(guides[s], g), row(guides[s], f))
+                    x[near], y[near], z[near] = vectors[g, 0], vectors[g, 1], vectors[g, 2]
+                    near += 1
 
-        # Normalise the sums.
-        for s in range(count_s):
-            for r in range(count_r):
-                size = length(row(total[s], r))
+            # A loop over the weights alone is vectorised.
+            for r in range(len(spreads)):
+                for k in range(near):
+                    weight[k] = expf(-(u[k] + spreads[r] * chord[k]))
+                total = np.float32(0), np.float32(0), np.float32(0)
+                for k in range(near):
+                    total = total[0] + weight[k] * x[k], total[1] + weight[k] * y[k], total[2] + weight[k] * z[k]
+                size = np.sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2])
+                column = s * len(spreads) + r
                 for d in range(3):
-                    out[f, s * count_r + r, d] = total[s, r, d] / size if size > 0 else normals[f, d]
+                    out[f, column, d] = total[d] / size if size > 0 else normals[f, d]

@@ -52,7 +52,7 @@ def smoothed_normals(
 
 def _vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vectors:
     """Unit sums around each vertex of what its faces have, (m, 3), by their areas: (n, 3)."""
-    sums = np.empty_like(mesh.vertices)
+    sums, along = np.empty_like(mesh.vertices), np.ascontiguousarray(along, np.float32)  # one type, compiled once
     parallel_for(len(sums), _direction_range, mesh.topology.vertex_faces, mesh.areas, along, sums)
     return unit(sums)
 

@@ -4,20 +4,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
 
-from cascadenorm.api.opened_files import DenoisingSummary
-from cascadenorm.api.spectra import Spectrum
-from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed_values
-from cascadenorm.geometry.metrics import Measures
-from cascadenorm.inspection import Inspection
 from cascadenorm.inspection.faults import FAULTS, surface_faults
 from cascadenorm.io.json_text import json_text
-from cascadenorm.mesh import Mesh
-from cascadenorm.registry import Method
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need
+    from cascadenorm.api.opened_files import DenoisingSummary
+    from cascadenorm.api.spectra import Spectrum
+    from cascadenorm.batch.batch import Batch
     from cascadenorm.evaluation.harness import Evaluation
+    from cascadenorm.geometry.metrics import Measures
+    from cascadenorm.inspection import Inspection
+    from cascadenorm.mesh import Mesh
+    from cascadenorm.registry import Method
 
 VERSION = 1
 """Version of the schema; it changes if a key is renamed, removed or redefined, but not if one is added."""
@@ -28,34 +28,34 @@ def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None 
     print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
 
 
-def denoised_json(done: DenoisingSummary) -> dict[str, Any]:
+def denoised_json(done: "DenoisingSummary") -> dict[str, Any]:
     """Return the summary of a denoised file."""
     return asdict(done)
 
 
-def faults_json(before: Mesh, after: Mesh) -> dict[str, Any]:
+def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:
     """Return the numbers of intersecting faces and of spikes before and after denoising."""
     first, last = surface_faults(before), surface_faults(after)
     return {name: {"before": getattr(first, name), "after": getattr(last, name)} for name in FAULTS}
 
 
-def batch_json(done: Batch) -> dict[str, Any]:
+def batch_json(done: "Batch") -> dict[str, Any]:
     """Return the outcome of the files of a batch."""
     failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
     return {"files": done.lines, "kept": done.kept, "skipped": done.skipped, "failures": failures}
 
 
-def inspected_json(found: Inspection) -> dict[str, Any]:
+def inspected_json(found: "Inspection") -> dict[str, Any]:
     """Return the result of an inspection."""
     return asdict(found)
 
 
-def compared_json(mesh: str, reference: str, measures: Measures) -> dict[str, Any]:
+def compared_json(mesh: str, reference: str, measures: "Measures") -> dict[str, Any]:
     """Return the measures of a mesh against a reference, with both names."""
     return {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
 
 
-def spectrum_json(mesh: str, other: str | None, found: Spectrum) -> dict[str, Any]:
+def spectrum_json(mesh: str, other: str | None, found: "Spectrum") -> dict[str, Any]:
     """Return the eigenvalues of one or two meshes, and the distance of their spectra."""
     return {
         "mesh": mesh,
@@ -76,12 +76,12 @@ def evaluated_json(done: "Evaluation") -> dict[str, Any]:
     }
 
 
-def methods_json(listed: Iterable[Method]) -> dict[str, Any]:
+def methods_json(listed: "Iterable[Method]") -> dict[str, Any]:
     """Return methods with their parameters."""
     return {"methods": [_method(method) for method in listed]}
 
 
-def _method(method: Method) -> dict[str, Any]:
+def _method(method: "Method") -> dict[str, Any]:
     return {
         "name": method.name,
         "summary": method.summary,

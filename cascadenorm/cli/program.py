@@ -12,6 +12,7 @@ import typer
 
 from cascadenorm.cli.commands import app
 from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, complain, exit_code, worded
+from cascadenorm.cli.plain_calls import PlainCall, plain_call
 from cascadenorm.compute.compile_time import tell_of_compiling
 from cascadenorm.execution.signals import repeat_if_swallowed
 
@@ -42,8 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code."""
+    call = plain_call(arguments)
     try:
-        code = app(list(arguments), prog_name="cascadenorm", standalone_mode=False)
+        code = _called(call) if call else app(list(arguments), prog_name="cascadenorm", standalone_mode=False)
         sys.stdout.flush()
         if code == INTERRUPTED:  # newer versions of typer convert KeyboardInterrupt to this
             raise KeyboardInterrupt
@@ -61,7 +63,8 @@ def run(arguments: Sequence[str]) -> int:
             context = getattr(error, "ctx", None)
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:
                 message += "; to denoise several files use `cascadenorm batch`"
-            complain(f"{message} (see `{context.command_path if context else 'cascadenorm'} --help`)")
+            command = context.command_path if context else f"cascadenorm {call.name}" if call else "cascadenorm"
+            complain(f"{message} (see `{command} --help`)")
         return USAGE
     except Exception as error:
         if _interruptions:  # libraries may convert an interruption during an import to another error
@@ -72,6 +75,15 @@ def run(arguments: Sequence[str]) -> int:
         if exit_code(error) == OUTPUT:
             _discard_stdout()
         return exit_code(error)
+
+
+def _called(call: PlainCall) -> int:
+    """Run a command and return its exit code."""
+    try:
+        call.command(**call.values)
+    except typer.Exit as end:
+        return end.exit_code
+    return DONE
 
 
 def _said_interrupted() -> int:

@@ -1,21 +1,40 @@
 """Progress bars on stderr."""
 
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
-
-from rich.console import Console
-from rich.progress import BarColumn, ProgressColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bars
+from contextlib import ExitStack, contextmanager
+from time import monotonic
+from typing import TYPE_CHECKING
 
 from cascadenorm.execution.progress import Listener, Progress
+
+if TYPE_CHECKING:  # rich is slow to import, and short commands show no bar
+    from rich.progress import Progress as Bars
+    from rich.progress import TaskID
+
+BAR_AFTER_S = 0.5
+"""Seconds after which the progress bar of one task appears."""
 
 
 @contextmanager
 def progress_bar(text: str, *, time_left: bool = False) -> Iterator[Listener]:
-    """Show the completed fraction on a terminal, optionally with the estimated time left."""
-    with _bars(*((TimeRemainingColumn(),) if time_left else ())) as bar:
-        task = bar.add_task(text, total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
+    """Show the completed fraction on a terminal, optionally with the estimated time left, unless the task is short."""
+    if not sys.stderr.isatty():
+        yield lambda fraction: None
+        return
+    start = monotonic()
+    with ExitStack() as opened:
+        shown: list[Listener] = []
+
+        def show(fraction: float) -> None:
+            if not shown and monotonic() - start >= BAR_AFTER_S:
+                bar = opened.enter_context(_bars(time_left=time_left))
+                task = bar.add_task(text, total=1.0)
+                shown.append(lambda fraction: bar.update(task, completed=fraction))
+            for listener in shown:
+                listener(fraction)
+
+        yield show
 
 
 @contextmanager
@@ -44,10 +63,14 @@ def progress_tasks(*, log: bool = False) -> Iterator[Progress]:
 
 
 @contextmanager
-def _bars(*further: ProgressColumn) -> Iterator[Bars]:
+def _bars(*, time_left: bool = False) -> Iterator["Bars"]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
     console = Console(stderr=True, markup=False)
+    further = (TimeRemainingColumn(),) if time_left else ()
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), *further)
-    bars = Bars(*columns, console=console, transient=True, disable=not console.is_terminal)
+    bars = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     if bars.disable:  # rich 14 prints a newline even for a disabled bar
         yield bars
     else:

@@ -8,24 +8,22 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, TextIO
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
-from cascadenorm.api.filled_files import Filling
-from cascadenorm.api.opened_files import DenoisingSummary
-from cascadenorm.api.spectra import Spectrum
-from cascadenorm.batch.batch import Batch
 from cascadenorm.cli.errors import complain
 from cascadenorm.cli.options import OPTIONS
 from cascadenorm.errors import counted
-from cascadenorm.geometry.metrics import Measures
-from cascadenorm.inspection import FINDINGS, Inspection
-from cascadenorm.learned.training.training_log import Pass
-from cascadenorm.registry import Method, Setting
 
-if TYPE_CHECKING:  # imported for type checking only, because the import is slow
+if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need
+    from rich.table import Table
+
+    from cascadenorm.api.filled_files import Filling
+    from cascadenorm.api.opened_files import DenoisingSummary
+    from cascadenorm.api.spectra import Spectrum
+    from cascadenorm.batch.batch import Batch
     from cascadenorm.evaluation.harness import Evaluation
+    from cascadenorm.geometry.metrics import Measures
+    from cascadenorm.inspection import Inspection
+    from cascadenorm.learned.training.training_log import Pass
+    from cascadenorm.registry import Method, Setting
 
 BARS = "▁▂▃▄▅▆▇█"
 COARSE_RESOLUTION = 0.01
@@ -36,7 +34,7 @@ PLAIN_WIDTH = 120
 """Width of a table in characters if the output is not a terminal."""
 
 
-def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
+def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
     """Print the summary of a denoised file."""
     print(f"{done.source} -> {done.output}", file=file)
     print(
@@ -65,7 +63,7 @@ def print_denoised(done: DenoisingSummary, *, file: TextIO) -> None:
     print_left_out(done.left_out)
 
 
-def print_batch(done: Batch, output: str) -> None:
+def print_batch(done: "Batch", output: str) -> None:
     """Print how many files were denoised, skipped or failed, and where the results are."""
     denoised = len(done.lines) - len(done.failures)
     seconds = sum(line["seconds"] for line in done.lines)
@@ -82,7 +80,7 @@ def print_batch(done: Batch, output: str) -> None:
         print(f"the results are in {output}")
 
 
-def print_filling(target: Path, done: Filling, max_edges: int | None) -> None:
+def print_filling(target: Path, done: "Filling", max_edges: int | None) -> None:
     """Print how many holes of a file were closed, and which boundaries stayed open and why."""
     print(f"{target}: {counted(done.closed, 'hole')} closed by {counted(done.added, 'face')}, added to {done.faces}")
     for edges in done.outer:
@@ -103,8 +101,10 @@ def print_left_out(losses: Sequence[str]) -> None:
         complain(f"left out: {loss}")
 
 
-def print_inspection(found: Inspection) -> None:
+def print_inspection(found: "Inspection") -> None:
     """Print the properties of a mesh, and one line per finding."""
+    from cascadenorm.inspection import FINDINGS
+
     loops = f"{counted(found.boundary_loops, 'boundary loop')} of {counted(found.boundary_edges, 'edge')} in all"
     kind = "closed" if found.closed else f"open: {loops}"
     genus = f", genus {found.genus}" if found.genus is not None else ""
@@ -159,9 +159,9 @@ def _number(value: float | None) -> str:
     return "none" if value is None else f"{value:.6g}"
 
 
-def print_measures(measures: Measures) -> None:
+def print_measures(measures: "Measures") -> None:
     """Print the measures of one mesh."""
-    table = Table()
+    table = _new_table()
     table.add_column("measure")
     table.add_column("value", justify="right")
     for name, value in measures.formatted().items():
@@ -169,9 +169,9 @@ def print_measures(measures: Measures) -> None:
     print_table(table)
 
 
-def print_spectrum(found: Spectrum) -> None:
+def print_spectrum(found: "Spectrum") -> None:
     """Print the eigenvalues of one mesh, or of two side by side with the distance of their spectra."""
-    table = Table()
+    table = _new_table()
     table.add_column("", justify="right")
     table.add_column("eigenvalue" if found.scale == "keep" else "eigenvalue × area", justify="right")
     columns = [found.values]
@@ -195,9 +195,11 @@ def print_public_sets() -> None:
 
 def print_evaluation(done: "Evaluation") -> None:
     """Print one line per pair and method, and the mean of each method."""
+    from rich.text import Text
+
     from cascadenorm.evaluation.tables import PARTIAL_NOTE, TERMINAL_COLUMNS, means_table, method_table, spread_table
 
-    table = Table()
+    table = _new_table()
     table.add_column("pair")
     pairs = list(dict.fromkeys(result.pair for result in done.results))
     blocks = [method_table([one for one in done.results if one.pair == pair], pair, TERMINAL_COLUMNS) for pair in pairs]
@@ -213,15 +215,15 @@ def print_evaluation(done: "Evaluation") -> None:
     print_table(table)
     if len(set(done.seeds.values())) > 1:
         over = spread_table(done)
-        table = Table(*over.head, title=over.title)
+        table = _new_table(*over.head, title=over.title)
         for row in over.rows:
             table.add_row(*(cell.text for cell in row))
         print_table(table)
 
 
-def print_curves(passes: Sequence[Pass]) -> None:
+def print_curves(passes: "Sequence[Pass]") -> None:
     """Print one line per network: its epochs, the best validation result, and the course of the error."""
-    table = Table()
+    table = _new_table()
     for title in ("stage", "cluster", "passes", "best", "loss", "validation", "error", "error, pass by pass"):
         table.add_column(title, justify="left" if title.startswith("error, ") else "right")
     for (stage, cluster), group in groupby(passes, key=lambda done: (done.stage, done.cluster)):
@@ -240,9 +242,9 @@ def sparkline(values: Sequence[float], width: int = 40) -> str:
     return "".join(BARS[round((len(BARS) - 1) * (value - low) / (high - low or 1))] for value in shown)
 
 
-def print_methods(methods: Mapping[str, Method]) -> None:
+def print_methods(methods: "Mapping[str, Method]") -> None:
     """Print each method with its parameters and source."""
-    table = Table()
+    table = _new_table()
     for title in ("method", "what it does", "parameters", "source"):
         table.add_column(title)
     for method in methods.values():
@@ -251,13 +253,13 @@ def print_methods(methods: Mapping[str, Method]) -> None:
     print_table(table)
 
 
-def print_method(method: Method) -> None:
+def print_method(method: "Method") -> None:
     """Print the summary, formula, limits and parameters of a method."""
     print(f"{method.name}: {method.summary}\nSource: {method.source}")
     for title in ("Formula", "Limits"):
         if text := method.section(title):
             print(f"{title}:\n{indent(text, '  ')}")
-    table = Table()
+    table = _new_table()
     for title in ("parameter", "default", "unit", "allowed", "meaning"):
         table.add_column(title)
     for setting in method.given_by_name:
@@ -267,12 +269,21 @@ def print_method(method: Method) -> None:
     print_table(table)
 
 
-def allowed_values(setting: Setting) -> str:
+def allowed_values(setting: "Setting") -> str:
     """Return the values that a parameter accepts, in words."""
     return ", ".join(map(str, setting.choices)) or setting.about.allowed
 
 
-def print_table(table: Table) -> None:
+def _new_table(*head: str, title: str | None = None) -> "Table":
+    """Return an empty table; rich is slow to import, and most commands print no table."""
+    from rich.table import Table
+
+    return Table(*head, title=title)
+
+
+def print_table(table: "Table") -> None:
     """Print a table with the width of the terminal, or with PLAIN_WIDTH characters."""
+    from rich.console import Console
+
     console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, emoji=False)
     console.print(table)

@@ -26,7 +26,10 @@ def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vector
     scaled = np.zeros(vectors.shape)
     rows = (-1, vectors.shape[-1])
     zeros = parallel_for(
-        math.prod(vectors.shape[:-1]), _unit_range, np.ascontiguousarray(vectors).reshape(rows), scaled.reshape(rows)
+        math.prod(vectors.shape[:-1]),
+        _unit_range,
+        np.ascontiguousarray(vectors, np.float64).reshape(rows),
+        scaled.reshape(rows),
     )
     if otherwise is None or not any(zeros):
         return scaled
@@ -58,7 +61,8 @@ def row_lengths(vectors: Vectors) -> Floats:
 
 def row_distances(points: Vectors, pairs: Ints32) -> Floats:
     """Return the (k,) distances between the points of each pair, (k, 2)."""
-    out = np.empty(len(pairs))
+    out, points = np.empty(len(pairs)), points.view()
+    points.flags.writeable = False  # same type as the vertices of a mesh, so that the kernel is compiled once
     parallel_for(len(out), _distance_range, points, pairs, out)
     return out
 

@@ -10,6 +10,9 @@ from cascadenorm.compute.compile_time import watch_compiler
 
 KernelLoop = TypeVar("KernelLoop", bound=Callable[..., Any])
 
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""Options of the compiler; numba does not declare the last one to type checkers."""
+
 with suppress(Exception):  # a numba with incompatible events: compilation is not measured
     watch_compiler()
 
@@ -17,10 +20,12 @@ with suppress(Exception):  # a numba with incompatible events: compilation is no
 def kernel(function: KernelLoop) -> KernelLoop:
     """Compile a function with numba: it releases the GIL, divides by zero as numpy does, and is cached on disk.
 
+    It gets no wrapper for calls from C, which would have to be compiled and loaded as well.
+
     If no cache folder is writable, or numba's cache classes are incompatible, the function is compiled in each process.
     numba's own cache is not used instead, because concurrent processes may mix up its files.
     """
-    compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    compiled: Any = numba.njit(**OPTIONS)(function)
     if compiled is not function:  # they are identical when compilation is disabled
         with suppress(Exception):
             from cascadenorm.compute.kernel_cache import KernelCache

@@ -3,7 +3,20 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Topology, Vectors, doubled, kernel, parallel_for
+from cascadenorm.mesh import (
+    Csr,
+    Floats,
+    Index,
+    Ints,
+    Ints32,
+    Mesh,
+    Topology,
+    Vectors,
+    doubled,
+    joined_rows,
+    kernel,
+    parallel_for,
+)
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
@@ -32,10 +45,35 @@ def within(
     k rows: the points at most radii[i] from centers[i], in breadth-first order.
     """
     count = len(centers)
-    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, most)
-    indptr = np.zeros(count + 1, np.int64)
-    np.cumsum(np.concatenate([counts for counts, _ in parts]), out=indptr[1:])
-    return Csr(indptr, np.concatenate([found for _, found in parts]))
+    return joined_rows(count, parallel_for(count, _within_range, centers, radii, points, graph, seeds, most))
+
+
+def faces_near(mesh: Mesh, faces: Ints32, radius: float, *, most: int = UNLIMITED) -> Csr:
+    """Find the faces with a centroid within a radius of that of each given face, connected to it through such faces.
+
+    The result is that of `within` on the graph of faces that share a vertex, which need not be stored.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with m faces.
+    faces
+        (k,) indices of the given faces.
+    radius
+        Radius in mesh units.
+    most
+        Largest number of faces per given face; the first ones found are kept.
+
+    Returns
+    -------
+    k rows in breadth-first order, starting with the given face itself.
+    """
+    topology = mesh.topology
+    most = min(most, len(mesh.faces))
+    parts = parallel_for(
+        len(faces), _faces_near_range, faces, mesh.faces, topology.vertex_faces, mesh.centroids, radius**2, most
+    )
+    return joined_rows(len(faces), parts)
 
 
 def each_alone(count: int) -> Csr:
@@ -126,3 +164,78 @@ def _within_range(
             current += 1
         counts[i - start] = end - first
     return counts, found[:end].copy()
+
+
+@kernel
+def search_faces(
+    f: Index,
+    faces: Ints32,
+    around: Csr,
+    centroids: Vectors,
+    limit: float,
+    rings: int,
+    seen: tuple[Ints32, Ints32],
+    found: Ints32,
+    distances: Floats,
+) -> int:
+    """Search breadth first from face f over faces that share a vertex; return the number of faces found.
+
+    Parameters
+    ----------
+    limit
+        Largest squared distance of a centroid from that of face f.
+    rings
+        Largest number of steps.
+    seen
+        (m,) and (n,): the last face whose search has met each face and each vertex; initially -1.
+    found, distances
+        Filled with the faces and the squared distances of their centroids. The search stops when they are full.
+    """
+    of_faces, of_vertices = seen
+    found[0], distances[0], of_faces[f] = f, 0.0, f
+    first, end = 0, 1
+    for _ in range(rings):
+        last = end
+        for current in range(first, last):
+            for corner in range(3):
+                v = faces[found[current], corner]
+                if of_vertices[v] == f:  # the search has met all faces around it
+                    continue
+                of_vertices[v] = f
+                for k in range(around.indptr[v], around.indptr[v + 1]):
+                    g = around.indices[k]
+                    if of_faces[g] == f:
+                        continue
+                    of_faces[g] = f
+                    squared = squared_distance(row(centroids, g), row(centroids, f))
+                    if squared > limit:
+                        continue
+                    if end == len(found):
+                        return end
+                    found[end], distances[end] = g, squared
+                    end += 1
+        if end == last:
+            break
+        first = last
+    return end
+
+
+@kernel
+def _faces_near_range(
+    start: int, stop: int, rows: Ints32, faces: Ints32, around: Csr, centroids: Vectors, limit: float, most: int
+) -> tuple[Ints, Ints32]:
+    """Search from the faces rows[start : stop]; return the row lengths and the faces found."""
+    seen = np.full(len(faces), -1, np.int32), np.full(len(around.indptr) - 1, -1, np.int32)
+    found, distances = np.empty(most, np.int32), np.empty(most)
+    counts = np.empty(stop - start, np.int64)
+    every = np.empty(max(64, 24 * (stop - start)), np.int32)
+    end = 0
+    for i in range(start, stop):
+        count = search_faces(rows[i], faces, around, centroids, limit, UNLIMITED, seen, found, distances)
+        while end + count > len(every):
+            every = doubled(every)
+        for k in range(count):
+            every[end + k] = found[k]
+        end += count
+        counts[i - start] = count
+    return counts, every[:end].copy()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.iterated_bilateral import iterated_bilateral_normals
 from cascadenorm.baselines.normal_filter_bank import filtered_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Floats, Floats32, Mesh
 
 SIGMA_S = (1.0, 2.0)
 """Spatial spreads of B-FND and G-FND, in mean edge lengths."""
@@ -63,11 +63,11 @@ def guided_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
     (m, 10 + 8, 3) unit normals.
     """
     plain = bilateral_descriptor(mesh, neighborhood)
-    guides = plain[:, len(SIGMA_R) - 1 :: len(SIGMA_R)].swapaxes(0, 1).astype(np.float64)
+    guides = plain[:, len(SIGMA_R) - 1 :: len(SIGMA_R)].swapaxes(0, 1)
     return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1], neighborhood)], axis=1)
 
 
-def _filtered(mesh: Mesh, guides: Vectors, sigma_r: tuple[float, ...], neighborhood: Neighborhood) -> Stack:
+def _filtered(mesh: Mesh, guides: Floats | Floats32, sigma_r: tuple[float, ...], neighborhood: Neighborhood) -> Stack:
     rings = RINGS if neighborhood == "rings" else None
     return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, cutoff=CUTOFF, rings=rings)
 

@@ -40,7 +40,10 @@ def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
     """
     patching = active_patching(mesh)
     if patching is None:
-        return stage.normals(mesh, stage_stack(stage.settings, mesh, noisy))
+        stack = stage_stack(stage.settings, mesh, noisy)
+        for filtered in (mesh, noisy):  # the network needs memory, and their arrays are computed quickly
+            filtered.forget_geometry()
+        return stage.normals(mesh, stack)
     if not stage.scaler.projection.size:
         work = partial(_without_context, stage)
         return face_rows(

@@ -56,4 +56,4 @@ def _filtered(mesh: Mesh) -> Vectors:
 
 def _normals(mesh: Mesh, *, passes: int) -> Vectors:
     filtered = partial(bilateral_normals, sigma_s=SIGMA_S, sigma_r=SIGMA_R, iterations=passes)
-    return normals_by_patches(mesh, filtered, reach=passes)
+    return normals_by_patches(mesh, filtered, receptive_field=passes)

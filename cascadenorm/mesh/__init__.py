@@ -20,7 +20,7 @@ from cascadenorm.compute.arrays import (
     scatter_add,
     unit,
 )
-from cascadenorm.compute.csr import Csr
+from cascadenorm.compute.csr import Csr, joined_rows
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import (
     in_blocks,
@@ -75,6 +75,7 @@ __all__ = [
     "in_blocks",
     "in_frame",
     "isolated",
+    "joined_rows",
     "kernel",
     "limit_threads",
     "one_blas_thread",

@@ -54,6 +54,12 @@ class Mesh:
             del self.__dict__[name]
         self.topology.forget()
 
+    def forget_geometry(self) -> None:
+        """Free the cached arrays that depend on positions, but neither single numbers nor the topology."""
+        for name in self.__dict__.keys() - {"vertices", "faces"}:
+            if isinstance(self.__dict__[name], np.ndarray):
+                del self.__dict__[name]
+
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
         """Return the mesh as a part of a larger one, with the vertex colours and facts of the larger mesh.
 

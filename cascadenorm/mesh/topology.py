@@ -12,8 +12,6 @@ from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.topology_kernels import (
     across_range,
     color_vertices,
-    count_groups,
-    count_neighbors,
     edges_up_range,
     face_ring_range,
     fill_groups,
@@ -152,7 +150,8 @@ class Topology:
     def vertex_neighbors(self) -> Csr:
         """Vertices adjacent to each vertex, ascending."""
         indptr = np.zeros(self.vertex_count + 2, np.int64)
-        count_neighbors(self.edges, indptr[2:])
+        proper = self.edges[self.edges[:, 0] != self.edges[:, 1]]
+        indptr[2:] = np.bincount(proper.ravel(), minlength=self.vertex_count)
         np.cumsum(indptr, out=indptr)
         indices = np.empty(indptr[-1], np.int32)
         fill_neighbors(self.edges, indptr[1:], indices)
@@ -182,7 +181,7 @@ class Topology:
 def rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
     """Return the rows of an array, (k, w), that contain each of 0 … count - 1, ascending and with repetitions."""
     indptr = np.zeros(count + 2, np.int64)
-    count_groups(numbers, indptr[2:])
+    indptr[2:] = np.bincount(numbers.ravel(), minlength=count)
     np.cumsum(indptr, out=indptr)
     indices = np.empty(numbers.size, np.int32)
     fill_groups(numbers, indptr[1:], indices)

@@ -17,14 +17,6 @@ It bounds neighbourhoods where many faces meet at one vertex or edge. If fewer f
 
 
 @kernel
-def count_groups(numbers: Ints32, counts: Ints) -> None:
-    """Add the number of occurrences of each number in an array to its count."""
-    for row in range(len(numbers)):
-        for column in range(numbers.shape[1]):
-            counts[numbers[row, column]] += 1
-
-
-@kernel
 def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
     """Store each row index at the next free place of every number in the row."""
     for row in range(len(numbers)):
@@ -32,15 +24,6 @@ def fill_groups(numbers: Ints32, free: Ints, indices: Ints32) -> None:
             number = numbers[row, column]
             indices[free[number]] = row
             free[number] += 1
-
-
-@kernel
-def count_neighbors(edges: Ints32, counts: Ints) -> None:
-    """Add the number of edges to other vertices to the count of each vertex."""
-    for e in range(len(edges)):
-        if edges[e, 0] != edges[e, 1]:
-            counts[edges[e, 0]] += 1
-            counts[edges[e, 1]] += 1
 
 
 @kernel

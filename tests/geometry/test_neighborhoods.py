@@ -1,8 +1,8 @@
 import numpy as np
 from shapes import grid, icosphere, noisy
 
-from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Mesh
+from cascadenorm.geometry.neighborhoods import UNLIMITED, each_alone, faces_near, within
+from cascadenorm.mesh import Csr, Mesh
 
 
 def test_finds_all_points_within_the_radius_of_a_connected_mesh():
@@ -47,3 +47,14 @@ def test_does_not_jump_to_another_sheet():
         13,
         17,
     ]
+
+
+def test_faces_are_found_in_the_order_of_the_graph_of_faces_that_share_a_vertex():
+    mesh = noisy(icosphere(2), 0.1)
+    some, radius = np.arange(0, len(mesh.faces), 7, dtype=np.int32), 2.5 * mesh.mean_edge_length
+    graph, seeds = mesh.topology.face_rings(1), Csr(np.arange(len(some) + 1, dtype=np.int64), some)
+    for most in (20, UNLIMITED):
+        found = faces_near(mesh, some, radius, most=most)
+        expected = within(mesh.centroids[some], np.full(len(some), radius), mesh.centroids, graph, seeds, most=most)
+        for array, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(array, other)

@@ -9,12 +9,12 @@ from safetensors.numpy import save_file
 from scipy.spatial.transform import Rotation
 from shapes import cube, grid, icosphere, noisy
 
-from cascadenorm.baselines import normal_filter_bank
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.iterated_bilateral import LANES, _bilateral_range, iterated_bilateral_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
 from cascadenorm.compute.threads import BLOCK
 from cascadenorm.errors import ParameterError
+from cascadenorm.geometry.neighborhoods import faces_near
 from cascadenorm.learned.cascade import CASCADE_FORMATS, Cascade
 from cascadenorm.learned.descriptors import (
     CUTOFF,
@@ -110,8 +110,7 @@ def random_regression(descriptor: str, *, seed: int = 0, activation: str = "tanh
 
 
 @pytest.mark.parametrize("neighborhood", get_args(Neighborhood))
-def test_descriptors_equal_their_formula(neighborhood, monkeypatch):
-    monkeypatch.setattr(normal_filter_bank, "FACES_AT_A_TIME", 100)
+def test_descriptors_equal_their_formula(neighborhood):
     guided = guided_descriptor(MESH, neighborhood)
     np.testing.assert_allclose(guided, reference_descriptor(MESH, neighborhood), atol=3e-6)
     plain = bilateral_descriptor(MESH, neighborhood)
@@ -122,8 +121,8 @@ def test_a_neighborhood_by_distance_holds_the_gaussian_and_two_rings_do_not():
     """On an even triangulation, where Σ A exp(-d²/2σ²) of all faces is 2πσ²."""
     ball = icosphere(4)
     sigma_s, held = 2 * ball.mean_edge_length, []
-    for rings in (RINGS, None):
-        ((_, near),) = normal_filter_bank._neighbors(ball, CUTOFF * sigma_s, rings)
+    every = np.arange(len(ball.faces), dtype=np.int32)
+    for near in (ball.topology.face_rings(RINGS), faces_near(ball, every, CUTOFF * sigma_s)):
         distance = np.linalg.norm(ball.centroids[near.indices] - ball.centroids[near.rows], axis=1)
         distance[distance > CUTOFF * sigma_s] = np.inf
         weights = np.bincount(near.rows, ball.areas[near.indices] * np.exp(-0.5 * (distance / sigma_s) ** 2))

@@ -87,3 +87,12 @@ def test_a_copy_is_as_immutable_and_brings_only_what_it_is_made_of(copied):
     np.testing.assert_array_equal(other.vertices, mesh.vertices)
     np.testing.assert_array_equal(other.faces, mesh.faces)
     assert not other.vertices.flags.writeable and not other.faces.flags.writeable
+
+
+def test_forgetting_the_geometry_keeps_numbers_and_topology():
+    mesh = noisy(icosphere(1), 0.1).with_facts(mean_edge_length=7.0)
+    normals, edges = mesh.face_normals, mesh.topology.edges
+    mesh.forget_geometry()
+    assert "face_normals" not in vars(mesh) and "area_vectors" not in vars(mesh)
+    assert mesh.mean_edge_length == 7.0 and mesh.topology.edges is edges
+    np.testing.assert_array_equal(mesh.face_normals, normals)

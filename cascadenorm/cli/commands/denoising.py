@@ -74,7 +74,7 @@ def denoise(
 ) -> None:
     """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
-    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.cli import progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
@@ -110,6 +110,8 @@ def denoise(
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
+        from cascadenorm.cli import json_output
+
         counts = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
         json_output.print_json("denoise", {**json_output.denoised_json(done), **counts}, file=out)
     else:
