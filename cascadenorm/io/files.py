@@ -25,19 +25,20 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.freesurfer import EXTENSIONS as FREESURFER
 from cascadenorm.io.freesurfer import MAGIC as FREESURFER_MAGIC
 from cascadenorm.io.freesurfer import FreeSurferFile
-from cascadenorm.io.gifti import GiftiFile, is_nibabel_installed
+from cascadenorm.io.gifti import GiftiFile
 from cascadenorm.io.gltf.glb import GlbFile
 from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
+from cascadenorm.io.libraries import is_installed
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
-from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk_installed
+from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
-from cascadenorm.io.usd.usd import USD, is_openusd_installed, layer_format
+from cascadenorm.io.usd.usd import USD, layer_format
 from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
-from cascadenorm.io.vtk import MESHIO, is_installed
+from cascadenorm.io.vtk import MESHIO
 from cascadenorm.io.xml.collada import ColladaFile
 from cascadenorm.io.xml.threemf import ThreemfFile
 from cascadenorm.mesh import Mesh
@@ -47,6 +48,14 @@ FORMATS: dict[str, type[MeshFile]] = {
     kind.format: kind
     for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, ThreemfFile, ColladaFile, FreeSurferFile)
 }
+
+OPTIONAL: dict[str, dict[str, type[MeshFile]]] = {
+    "meshio": {**MESHIO},
+    "vtkmodules": {**POLYDATA},
+    "pxr": {**USD},
+    "nibabel": {GiftiFile.format: GiftiFile},
+}
+"""Formats by the module that reads and writes them."""
 
 NEEDS = {
     **TRIMESH_NEEDS,
@@ -95,7 +104,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
-            if not is_vtk_installed():
+            if not is_installed("vtkmodules"):
                 raise MissingDependencyError("reading PolyData in 'vtk' files", package="pyvista", extra="pyvista")
             kind = LegacyPolyDataFile
         if kind is None:
@@ -268,10 +277,7 @@ def _kind(format: str) -> type[MeshFile] | None:
 
 
 def _further_formats() -> dict[str, type[MeshFile]]:
-    found: dict[str, type[MeshFile]] = dict(MESHIO) if is_installed() else {}
-    found |= POLYDATA if is_vtk_installed() else {}
-    found |= USD if is_openusd_installed() else {}
-    return found | ({GiftiFile.format: GiftiFile} if is_nibabel_installed() else {})
+    return {name: kind for module, kinds in OPTIONAL.items() if is_installed(module) for name, kind in kinds.items()}
 
 
 def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError, reason
+from cascadenorm.errors import ReadError
 from cascadenorm.io.colors import CHANNELS, channels
 from cascadenorm.io.content import Content
+from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, Values, joined, values_of_vertices
 from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outside
@@ -45,22 +46,18 @@ def content_of(layers: Layers, size: int) -> Content:
     inside, outside = without_files_outside(layers)
     root = next(iter(inside))
     check_expansion(PRIM * _Composition(inside).count(root, "/"), size, "the objects of this scene")
-    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        try:
-            if len(inside) == 1:
-                stage = Usd.Stage.Open(inside[root])
-            else:
-                for name, layer in inside.items():
-                    path = Path(folder) / name
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    layer.Export(str(path))
-                stage = Usd.Stage.Open(str(Path(folder) / root))
-            content = _content(stage, size)
-            del stage
-        except ReadError:
-            raise
-        except Exception as error:  # OpenUSD raises errors of any type
-            raise ReadError(f"OpenUSD cannot compose the scene of this file: {reason(error)}") from None
+    composing = explained("OpenUSD cannot compose the scene of this file")
+    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, composing:
+        if len(inside) == 1:
+            stage = Usd.Stage.Open(inside[root])
+        else:
+            for name, layer in inside.items():
+                path = Path(folder) / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                layer.Export(str(path))
+            stage = Usd.Stage.Open(str(Path(folder) / root))
+        content = _content(stage, size)
+        del stage
     lost = (f"the file {path!r} that it references" for path in outside)
     return Content(*content[:4], left_out=(*lost, *content[4]))
 

@@ -4,7 +4,6 @@ Points are those of the meshes themselves, before the transforms of the scene. E
 if the scene shows it several times. Layers in other files are not read.
 """
 
-import importlib.util
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.usd.layers import (
     CRATE,
@@ -43,13 +43,8 @@ class UsdFile(MeshFile):
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         self._files = unpacked(self.data, self.format)
         self._layers = opened(self._files)
-        try:
-            with quiet():
-                self._meshes = meshes_of(self._layers)
-        except ReadError:
-            raise
-        except Exception as error:  # a binary layer is parsed only when its values are requested
-            raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
+        with explained("OpenUSD cannot read this file", said=said), quiet():  # a binary layer is parsed only here
+            self._meshes = meshes_of(self._layers)
         if not self._meshes:
             elsewhere = [path for layer in self._layers.values() for path in layer.GetCompositionAssetDependencies()]
             names = ", ".join(sorted({*elsewhere} - {""})[:3])[:100]
@@ -180,11 +175,6 @@ class UsdzFile(UsdFile):
 
 USD = {kind.format: kind for kind in (UsdFile, UsdaFile, UsdcFile, UsdzFile)}
 """Formats by their extensions."""
-
-
-def is_openusd_installed() -> bool:
-    """Whether OpenUSD is installed."""
-    return importlib.util.find_spec("pxr") is not None
 
 
 def layer_format(data: bytes) -> str:

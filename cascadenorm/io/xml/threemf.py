@@ -15,10 +15,10 @@ from zipfile import ZipFile, ZipInfo
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError, reason
+from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
-from cascadenorm.io.limits import check_archive
+from cascadenorm.io.libraries import unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
 from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
@@ -28,6 +28,7 @@ from cascadenorm.mesh.polygons import Polygons, triangulate
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+RELS = "_rels/.rels"
 MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
 SHORT = 9  # digits that single precision can represent
 SAMPLE = 1000
@@ -142,18 +143,10 @@ class ThreemfFile(MeshFile):
     format = "3mf"
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
-        try:
-            with ZipFile(BytesIO(self.data)) as archive:
-                check_archive(archive, len(self.data))
-                names = [name for name in archive.namelist() if name.lower().endswith(".model")]
-                models = {name: archive.read(name) for name in names}
-                relations = archive.read("_rels/.rels") if "_rels/.rels" in archive.namelist() else b""
-        except ReadError:
-            raise
-        except Exception as error:  # a damaged archive
-            raise ReadError(f"this 3mf file is a damaged archive: {reason(error)}") from None
-        self._models = {name: Model(name, data) for name, data in models.items()}
-        self._root = _root_of(relations, names)
+        files = dict(unzipped(self.data, "3mf", lambda name: name == RELS or name.lower().endswith(".model")))
+        relations = files.pop(RELS, b"")
+        self._models = {name: Model(name, data) for name, data in files.items()}
+        self._root = _root_of(relations, list(files))
         self._objects = [
             ((name, id), found)
             for name, model in self._models.items()
@@ -244,7 +237,7 @@ class ThreemfFile(MeshFile):
         model = MADE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
         made = BytesIO()
         with ZipFile(made, "w") as archive:
-            for name, data in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), ("3D/3dmodel.model", model)):
+            for name, data in (("[Content_Types].xml", TYPES), (RELS, RELATIONS), ("3D/3dmodel.model", model)):
                 entry = ZipInfo(name)  # dated 1980, so that the bytes depend only on the mesh
                 entry.compress_type = 8
                 archive.writestr(entry, data)
