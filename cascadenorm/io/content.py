@@ -55,20 +55,16 @@ class Content:
             left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
         )
 
-    def lost_as_triangles(
-        self, *, of_vertices: Collection[str] = (), of_faces: Collection[str] = (), single: bool = True
-    ) -> list[str]:
-        """Return what is lost in a file of triangles, in words.
-
-        Parameters
-        ----------
-        of_vertices, of_faces
-            Names of the properties that the file keeps.
-        single
-            Whether the file stores positions in single precision.
-        """
+    def lost_values(self, of_vertices: Collection[str] = (), of_faces: Collection[str] = ()) -> list[str]:
+        """Return what is lost in a file that keeps only properties with these names, in words."""
         lost = [f"vertex property '{name}'" for name in self.vertex_values if name not in of_vertices]
-        lost += [f"face property '{name}'" for name in self.face_values if name not in of_faces]
+        return lost + [f"face property '{name}'" for name in self.face_values if name not in of_faces]
+
+    def lost_as_triangles(
+        self, of_vertices: Collection[str] = (), of_faces: Collection[str] = (), *, single: bool = True
+    ) -> list[str]:
+        """Return what is lost in a file of triangles, whose positions may have single precision, in words."""
+        lost = self.lost_values(of_vertices, of_faces)
         if (self.polygons.counts != 3).any():
             lost.append("polygons (cut into triangles)")
         if single and (self.single_positions() != self.positions).any():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
 from cascadenorm.io.content import Content
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
@@ -17,7 +17,6 @@ from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outsi
 from cascadenorm.io.usd.meshes import oriented_polygons
 from cascadenorm.mesh.polygons import Polygons
 
-TEXTURE = ("s", "t")
 KEPT_ELSEWHERE = {
     "Material": "materials",
     "Camera": "cameras",
@@ -125,9 +124,7 @@ def _columns(name: str, values: NDArray[Any]) -> Values:
     if values.ndim == 1:
         return {name: values}
     if name == "displayColor" and values.shape[1:] == (3,):
-        with np.errstate(invalid="ignore"):
-            colors = np.nan_to_num(np.clip(np.rint(values * 255), 0, 255)).astype(np.uint8)
-        return dict(zip(CHANNELS, colors.T, strict=False))
+        return dict(zip(CHANNELS, as_bytes(values).T, strict=False))
     return dict(zip(TEXTURE, values.T, strict=True)) if name == "st" and values.shape[1:] == (2,) else {}
 
 
@@ -194,30 +191,24 @@ def stage_of(content: Content) -> tuple[Any, list[str]]:
     if len(finite):
         mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([finite.min(axis=0), finite.max(axis=0)])))
     api, names = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
-    colors = channels(content.vertex_values)
-    colors.pop("alpha", None)
-    taken = set(colors)
-    if colors:
-        values = np.stack(list(colors.values()), axis=1).astype(np.float32) / np.float32(255)
-        api.CreatePrimvar("displayColor", names.Color3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(values))
-    if all(name in content.vertex_values for name in TEXTURE):
-        taken |= set(TEXTURE)
-        st = np.stack([content.vertex_values[name] for name in TEXTURE], axis=1).astype(np.float32)
+    look = Look.of(content.vertex_values)
+    if look.colors is not None:
+        api.CreatePrimvar("displayColor", names.Color3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(look.colors))
+    if look.texture is not None:
+        st = look.texture.astype(np.float32)
         api.CreatePrimvar("st", names.TexCoord2fArray, "vertex").Set(Vt.Vec2fArray.FromNumpy(st))
-    for properties, kind in ((content.vertex_values, "vertex"), (content.face_values, "uniform")):
+    others = {name: column for name, column in content.vertex_values.items() if name not in look.names}
+    types = {  # by numpy type
+        np.float32: (names.FloatArray, Vt.FloatArray),
+        np.float64: (names.DoubleArray, Vt.DoubleArray),
+        np.int64: (names.Int64Array, Vt.Int64Array),
+    }
+    for properties, kind in ((others, "vertex"), (content.face_values, "uniform")):
         for name, column in properties.items():
-            if name not in taken or kind == "uniform":
-                floating = column.dtype.kind == "f"
-                array = Vt.FloatArray if column.dtype == np.float32 else Vt.DoubleArray if floating else Vt.Int64Array
-                type_name = {
-                    Vt.FloatArray: names.FloatArray,
-                    Vt.DoubleArray: names.DoubleArray,
-                    Vt.Int64Array: names.Int64Array,
-                }[array]
-                stored = column.astype(
-                    np.float64 if array is Vt.DoubleArray else column.dtype if floating else np.int64
-                )
-                primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), type_name, kind)
-                primvar.Set(array.FromNumpy(np.ascontiguousarray(stored)))
+            stored = column.dtype.type if column.dtype == np.float32 else np.float64
+            stored = stored if column.dtype.kind == "f" else np.int64
+            type_name, array = types[stored]
+            primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), type_name, kind)
+            primvar.Set(array.FromNumpy(np.ascontiguousarray(column, stored)))
     lost = ["digits of the positions beyond single precision"] if (positions != content.positions).any() else []
     return layer, lost

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, Values, joined, placements, values_of_vertices
@@ -26,7 +26,6 @@ from cascadenorm.mesh.polygons import Polygons, strips
 
 SHORT = 9  # digits that single precision can represent
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
-TEXTURE = ("s", "t")
 KEPT_ELSEWHERE = {
     "library_materials": "materials",
     "library_images": "textures",
@@ -274,7 +273,7 @@ class ColladaFile(MeshFile):
             if len(stored) == len(parts):
                 found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
             if found is not None and semantic == "COLOR":
-                found = np.nan_to_num(np.clip(np.rint(found * 255), 0, 255)).astype(np.uint8)
+                found = as_bytes(found)
             if found is not None:
                 values |= dict(zip(names, found.T, strict=False))
         return Shown(self.positions[first : first + count], polygons, values, {})
@@ -290,21 +289,14 @@ class ColladaFile(MeshFile):
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with the colours and texture coordinates of vertices."""
-        colors, values = channels(content.vertex_values), content.vertex_values
-        colors.pop("alpha", None)
-        arrays = {"POSITION": ("XYZ", content.positions)}
-        if colors:
-            arrays["COLOR"] = ("RGB", np.stack(list(colors.values()), axis=1) / np.float32(255))
-        if all(name in values for name in TEXTURE):
-            arrays["TEXCOORD"] = ("ST", np.stack([values[name] for name in TEXTURE], axis=1))
-        taken = (*colors, *(TEXTURE if "TEXCOORD" in arrays else ()))
-        lost = [f"vertex property '{name}'" for name in values if name not in taken]
-        lost += [f"face property '{name}'" for name in content.face_values]
+        colors, texture, names = Look.of(content.vertex_values)
+        found = {"POSITION": ("XYZ", content.positions), "COLOR": ("RGB", colors), "TEXCOORD": ("ST", texture)}
+        arrays = {semantic: (letters, values) for semantic, (letters, values) in found.items() if values is not None}
         sources = [_source(semantic.lower(), *array) for semantic, array in arrays.items()]
         inputs = [b'<input semantic="%b" source="#%b"/>' % (s.encode(), s.lower().encode()) for s in arrays]
         counts, corners = content.polygons.counts, content.polygons.corners
         numbers = [lines_of(b"", a[:, None]).replace(b"\n", b" ").strip() for a in (counts, corners)]
-        return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], lost
+        return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], content.lost_values(names)
 
 
 def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:

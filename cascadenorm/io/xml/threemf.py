@@ -228,10 +228,6 @@ class ThreemfFile(MeshFile):
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write the triangles of content as one object."""
         triangles, _ = triangulate(content.positions, content.polygons)
-        lost = [f"vertex property '{name}'" for name in content.vertex_values]
-        lost += [f"face property '{name}'" for name in content.face_values]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
         vertices = [b'<vertex x="%b" y="%b" z="%b"/>' % tuple(row.split(b" ")) for row in rows_of(content.positions)]
         faces = [b'<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(row) for row in triangles.tolist()]
         model = MADE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
@@ -241,7 +237,7 @@ class ThreemfFile(MeshFile):
                 entry = ZipInfo(name)  # dated 1980, so that the bytes depend only on the mesh
                 entry.compress_type = 8
                 archive.writestr(entry, data)
-        return [made.getvalue()], lost
+        return [made.getvalue()], content.lost_as_triangles(single=False)
 
 
 def _digits(word: str) -> int:
