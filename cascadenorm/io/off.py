@@ -100,9 +100,8 @@ class OffFile(MeshFile):
         colors, face_colors = channels(content.vertex_values), channels(content.face_values)
         header = b"%b\n%d %d 0\n" % (b"COFF" if colors else b"OFF", len(content.positions), len(content.polygons))
         vertices = lines_of(b"", content.positions, *_table(colors))
-        return [header, vertices, *_face_lines(content.polygons, _table(face_colors))], content.lost_values(
-            colors, face_colors
-        )
+        faces = _face_lines(content.polygons, _table(face_colors))
+        return [header, vertices, *faces], content.lost_values(colors, face_colors)
 
 
 def _table(colors: dict[str, NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:

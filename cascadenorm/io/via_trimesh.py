@@ -6,7 +6,7 @@ Such files can only be written in other formats, with the content that trimesh p
 import logging
 from collections.abc import Iterable
 from io import BytesIO
-from typing import cast
+from typing import Any, cast
 from xml.etree.ElementTree import ParseError, iterparse
 
 import numpy as np
@@ -18,6 +18,7 @@ from cascadenorm.io.colors import CHANNELS
 from cascadenorm.io.content import Content
 from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.shown import Shown, joined
 from cascadenorm.mesh.polygons import Polygons
 
 TRIMESH_NEEDS = {
@@ -50,9 +51,7 @@ class TrimeshFile(MeshFile):
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])
         self.parts = np.repeat(np.arange(len(sizes)), sizes)
-        faces = [np.asarray(m.faces, np.int64) + first for m, first in zip(self._meshes, self._first, strict=False)]
-        positions = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in self._meshes])
-        return positions, Polygons.from_rows(np.concatenate(faces))
+        return joined([_shown(mesh) for mesh in self._meshes])[:2]
 
     def _moved(self) -> "TrimeshFile":
         """Return a new file whose scene has the current positions."""
@@ -75,21 +74,22 @@ class TrimeshFile(MeshFile):
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
         check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
-        first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for _, mesh in shown])])
-        positions = np.concatenate([mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in shown])
-        oriented = [mesh.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.faces for matrix, mesh in shown]
-        faces = np.concatenate([part + start for part, start in zip(oriented, first, strict=False)])
+        positions, polygons, *_ = joined([_shown(mesh).placed(matrix) for matrix, mesh in shown])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}
         if kinds == {"vertex"}:
             colors = dict(zip(CHANNELS, np.concatenate([m.visual.vertex_colors for _, m in shown]).T, strict=True))
         left_out = ("materials and textures",) if kinds - {"vertex", None} else ()
-        return Content(positions, Polygons.from_rows(faces.astype(np.int64)), colors, left_out=left_out)
+        return Content(positions, polygons, colors, left_out=left_out)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Raise OutputError, since trimesh is only used for reading."""
         raise OutputError(f"the format '{cls.format}' cannot be written: choose ply, obj or glb")
+
+
+def _shown(mesh: Any) -> Shown:
+    return Shown(np.asarray(mesh.vertices, np.float64), Polygons.from_rows(np.asarray(mesh.faces, np.int64)))
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:

@@ -21,7 +21,7 @@ from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
 from cascadenorm.io.text.spelling import respelled
-from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.text.tokenizer import splice
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -115,8 +115,7 @@ class PlyFile(MeshFile):
         declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
         if self._text is not None and declared == {"f4"}:  # a text may have more digits than its header declares
             words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
-            short = self._text.significant_digits(words) <= 9 and not (np.abs(values) > np.finfo(np.float32).max).any()
-            return values.astype(np.float32 if short else np.float64)
+            return as_short(values.astype(np.float64), self._text.significant_digits(words))
         return values.astype(np.float32 if declared == {"f4"} else np.float64)
 
     def _storable(self, positions: Positions) -> Positions:

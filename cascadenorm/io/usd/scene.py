@@ -100,7 +100,7 @@ def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArra
     """Return the values of vertices and faces: colours, texture coordinates, and numbers."""
     from pxr import UsdGeom
 
-    vertex_values, face_values = Values(), Values()
+    vertex_values, face_values = dict[str, NDArray[Any]](), dict[str, NDArray[Any]]()
     for primvar in UsdGeom.PrimvarsAPI(mesh).GetPrimvarsWithValues():
         name, kind = primvar.GetPrimvarName(), primvar.GetInterpolation()
         flat = primvar.ComputeFlattened(time)
@@ -198,17 +198,11 @@ def stage_of(content: Content) -> tuple[Any, list[str]]:
         st = look.texture.astype(np.float32)
         api.CreatePrimvar("st", names.TexCoord2fArray, "vertex").Set(Vt.Vec2fArray.FromNumpy(st))
     others = {name: column for name, column in content.vertex_values.items() if name not in look.names}
-    types = {  # by numpy type
-        np.float32: (names.FloatArray, Vt.FloatArray),
-        np.float64: (names.DoubleArray, Vt.DoubleArray),
-        np.int64: (names.Int64Array, Vt.Int64Array),
-    }
+    types = {"f4": "FloatArray", "f8": "DoubleArray", "i8": "Int64Array"}
     for properties, kind in ((others, "vertex"), (content.face_values, "uniform")):
         for name, column in properties.items():
-            stored = column.dtype.type if column.dtype == np.float32 else np.float64
-            stored = stored if column.dtype.kind == "f" else np.int64
-            type_name, array = types[stored]
-            primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), type_name, kind)
-            primvar.Set(array.FromNumpy(np.ascontiguousarray(column, stored)))
+            wide = "f4" if column.dtype == np.float32 else "f8" if column.dtype.kind == "f" else "i8"
+            primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), getattr(names, types[wide]), kind)
+            primvar.Set(getattr(Vt, types[wide]).FromNumpy(np.ascontiguousarray(column, wide)))
     lost = ["digits of the positions beyond single precision"] if (positions != content.positions).any() else []
     return layer, lost

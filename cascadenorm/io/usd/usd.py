@@ -14,6 +14,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.shown import Shown, joined
 from cascadenorm.io.usd.layers import (
     CRATE,
     TEXT,
@@ -58,15 +59,7 @@ class UsdFile(MeshFile):
         )
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        corners = []
-        for mesh, start in zip(self._meshes, self._first, strict=False):
-            bad = mesh.polygons.out_of_range(len(mesh.points))  # not a point of another mesh
-            corners.append(np.where(bad, -1, mesh.polygons.corners + start))
-        counts = np.concatenate([mesh.polygons.counts for mesh in self._meshes])
-        return (
-            np.concatenate([mesh.points for mesh in self._meshes]),
-            Polygons.from_counts(counts, np.concatenate(corners)),
-        )
+        return joined([Shown(mesh.points, mesh.polygons) for mesh in self._meshes])[:2]
 
     def _moved_pieces(self) -> Iterable[Piece]:
         return [self._stored(self._moved())]

@@ -15,16 +15,15 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, Values, joined, placements, values_of_vertices
+from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
 from cascadenorm.io.text.spelling import lines_of, respelled
-from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.xml.collada_nodes import instances
 from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
 from cascadenorm.mesh import repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
-SHORT = 9  # digits that single precision can represent
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 KEPT_ELSEWHERE = {
     "library_materials": "materials",
@@ -114,17 +113,13 @@ class ColladaFile(MeshFile):
         self._first = dict(zip(self._sources, np.cumsum([0, *sizes]).tolist(), strict=False))
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         positions = np.concatenate([array.values for array in arrays])
-        short = all(array.text.significant_digits(array.words.ravel()) <= SHORT for array in arrays)
-        with np.errstate(over="ignore"):
-            single = positions.astype(np.float32)
-        if short and not (np.isinf(single) & np.isfinite(positions)).any():
-            positions = single
+        digits = max(array.text.significant_digits(array.words.ravel()) for array in arrays)
         corners = []
         for part in self._parts:
             bad = part.polygons.out_of_range(len(self._array(part.positions).values))
             corners.append(np.where(bad, -1, part.polygons.corners + self._first[part.positions]))
         counts = np.concatenate([part.polygons.counts for part in self._parts])
-        return positions, Polygons.from_counts(counts, np.concatenate(corners))
+        return as_short(positions, digits), Polygons.from_counts(counts, np.concatenate(corners))
 
     def _array(self, id: str) -> Array:
         if id not in self._arrays:
@@ -265,7 +260,7 @@ class ColladaFile(MeshFile):
             np.concatenate([part.polygons.counts for part in parts]),
             np.concatenate([part.polygons.corners for part in parts]),
         )
-        values: Values = {}
+        values = dict[str, NDArray[Any]]()
         for semantic, width, names in (("COLOR", 3, CHANNELS), ("TEXCOORD", 2, TEXTURE)):
             columns = [self._at_corners(part, semantic, width) for part in parts]
             stored = [column for column in columns if column is not None]
@@ -276,7 +271,7 @@ class ColladaFile(MeshFile):
                 found = as_bytes(found)
             if found is not None:
                 values |= dict(zip(names, found.T, strict=False))
-        return Shown(self.positions[first : first + count], polygons, values, {})
+        return Shown(self.positions[first : first + count], polygons, values)
 
     def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
         """Return the first `width` values of a semantic at the corners of a part, or None if a corner has none."""

@@ -8,7 +8,6 @@ import posixpath
 import re
 from collections.abc import Iterable
 from io import BytesIO
-from itertools import chain
 from typing import Any, NamedTuple
 from zipfile import ZipFile, ZipInfo
 
@@ -21,6 +20,7 @@ from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
+from cascadenorm.io.text.text import as_short
 from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
@@ -30,7 +30,6 @@ PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 RELS = "_rels/.rels"
 MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
-SHORT = 9  # digits that single precision can represent
 SAMPLE = 1000
 
 Reference = tuple[str, str]
@@ -158,20 +157,11 @@ class ThreemfFile(MeshFile):
         sizes = [len(found.places) for _, found in self._objects]
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        short = max(found.digits for _, found in self._objects) <= SHORT
-        positions = np.array(list(chain.from_iterable(found.coordinates for _, found in self._objects)))
-        with np.errstate(over="ignore"):
-            single = positions.astype(np.float32)
-        if short and not (np.isinf(single) & np.isfinite(positions)).any():
-            positions = single
-        return positions.reshape(-1, 3), self._polygons()
-
-    def _polygons(self) -> Polygons:
-        rows = []
-        for (_, found), first in zip(self._objects, self._first, strict=False):
-            bad = (found.triangles < 0) | (found.triangles >= len(found.places))  # not a vertex of another object
-            rows.append(np.where(bad, -1, found.triangles + first))
-        return Polygons.from_rows(np.concatenate(rows))
+        digits = max(found.digits for _, found in self._objects)
+        coordinates = (np.array(found.coordinates).reshape(-1, 3) for _, found in self._objects)
+        meshes = zip(coordinates, (Polygons.from_rows(found.triangles) for _, found in self._objects), strict=True)
+        positions, polygons, *_ = joined([Shown(*mesh) for mesh in meshes])
+        return as_short(positions, digits), polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
         changed = self._changed
@@ -222,7 +212,7 @@ class ThreemfFile(MeshFile):
     def _shape(self, row: int) -> Shown:
         first, found = self._first[row], self._objects[row][1]
         positions = self.positions[first : first + len(found.places)]
-        return Shown(positions, Polygons.from_rows(found.triangles), {}, {})
+        return Shown(positions, Polygons.from_rows(found.triangles))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
