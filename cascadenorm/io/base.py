@@ -38,7 +38,7 @@ class MeshFile(ABC):
     polygons
         Faces of the file. Corners are rows of `positions`.
     data
-        Bytes of the file as it was read; empty if there was none.
+        Bytes of the file as it was read.
     folder
         Folder of the files that it references; None if it was read from a stream.
     parts

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
-from cascadenorm.io.arrays import ArraysFile
 from cascadenorm.io.atomic import (
     check_output,
     is_special,
@@ -287,7 +286,7 @@ def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], lis
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
-    """Make a file in memory from a mesh. It is written as binary PLY unless another format is requested.
+    """Make a binary PLY file in memory from a mesh.
 
     Parameters
     ----------
@@ -303,7 +302,8 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
-    return ArraysFile(Content(mesh.vertices.astype(kind, copy=False), Polygons.from_rows(mesh.faces.astype(np.int64))))
+    content = Content(mesh.vertices.astype(kind, copy=False), Polygons.from_rows(mesh.faces.astype(np.int64)))
+    return PlyFile(b"".join(PlyFile.encode(content)[0]))
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
