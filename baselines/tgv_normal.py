@@ -62,24 +62,12 @@ def tgv_normal(
 
 
 class Minimum(NamedTuple):
-    """What the rounds arrive at.
+    """What the rounds arrive at."""
 
-    Parameters
-    ----------
-    normals
-        (m, 3), unit.
-    jumps
-        (e, 3) v of each interior edge.
-    duals
-        (e, 3) multipliers of the differences D n - v; at a minimum their lengths are at most w.
-    corner_duals
-        (c, 3) multipliers of E v; at a minimum their lengths are at most β.
-    """
-
-    normals: Vectors
-    jumps: Vectors
-    duals: Vectors
-    corner_duals: Vectors
+    normals: Vectors  # (m, 3), unit
+    jumps: Vectors  # (e, 3) v of each interior edge
+    duals: Vectors  # (e, 3) multipliers of the differences D n - v; at a minimum their lengths are at most w
+    corner_duals: Vectors  # (c, 3) multipliers of E v; at a minimum their lengths are at most β
 
 
 class GeneralizedVariation:

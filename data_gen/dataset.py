@@ -116,29 +116,14 @@ class DatasetConfig:
 
 
 class Pair(NamedTuple):
-    """A noisy and a clean mesh with the same faces.
-
-    Parameters
-    ----------
-    noisy
-        Mesh with m faces.
-    clean
-        Mesh with the same faces over the clean vertices.
-    normals
-        (m, 3) true normal of each face; zero where it is unknown.
-    family
-        Name of the family of shapes.
-    noise_kind
-        Kind of the noise.
-    level
-        Noise level in mean edge lengths of the clean mesh. `fused` defines it for meshes from a volume.
-    """
+    """A noisy and a clean mesh with the same faces."""
 
     noisy: Mesh
-    clean: Mesh
-    normals: Vectors
-    family: str
+    clean: Mesh  # with the same m faces
+    normals: Vectors  # (m, 3) true normal of each face; zero where it is unknown
+    family: str  # of shapes
     noise_kind: NoiseKind
+    # Noise level in mean edge lengths of the clean mesh. `fused` defines it for meshes from a volume.
     level: float
 
 

@@ -85,21 +85,11 @@ class Content:
 
 
 class Labels(NamedTuple):
-    """Labels of one kind of the faces of a file.
+    """Labels of one kind of the faces of a file."""
 
-    Parameters
-    ----------
-    kind
-        "material", "group", "object", "mesh", or the name of a face property.
-    values
-        (c,) names or numbers, possibly repeated.
-    of_faces
-        (p,) row of the value of each polygon; -1 for none.
-    """
-
-    kind: str
-    values: NDArray[Any]
-    of_faces: NDArray[np.int64]
+    kind: str  # "material", "group", "object", "mesh", or the name of a face property
+    values: NDArray[Any]  # (c,) names or numbers, possibly repeated
+    of_faces: NDArray[np.int64]  # (p,) row of the value of each polygon; -1 for none
 
     def carrying(self, value: str) -> NDArray[np.bool_]:
         """Return (p,) which polygons have a label. A number may be given as text."""

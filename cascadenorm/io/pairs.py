@@ -12,24 +12,12 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 
 class FilePair(NamedTuple):
-    """A noisy and a clean file of the same surface.
-
-    Parameters
-    ----------
-    name
-        Name of the pair.
-    noisy
-        Noisy mesh.
-    clean
-        Clean mesh.
-    seed
-        Seed of the noise that was added to the clean mesh; None if the noisy mesh was given.
-    """
+    """A noisy and a clean file of the same surface."""
 
     name: str
     noisy: Path
     clean: Path
-    seed: int | None = None
+    seed: int | None = None  # seed of the noise that was added to the clean mesh; None if the noisy mesh was given
 
 
 def find_pairs(folders: Paths) -> list[FilePair]:

@@ -47,21 +47,11 @@ class Panel(NamedTuple):
 
 
 class Bar(NamedTuple):
-    """The colour bar of a heat map.
+    """The colour bar of a heat map."""
 
-    Parameters
-    ----------
-    label
-        Description of the values, with their unit.
-    limits
-        Values at the lower and upper end.
-    signed
-        As in `HeatMap`.
-    """
-
-    label: str
-    limits: tuple[float, float]
-    signed: bool = False
+    label: str  # description of the values, with their unit
+    limits: tuple[float, float]  # values at the lower and upper end
+    signed: bool = False  # as in `HeatMap`
 
 
 def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figure":

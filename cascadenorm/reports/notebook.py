@@ -31,21 +31,11 @@ MOST_FACES = 300_000
 
 
 class Shown(NamedTuple):
-    """The contents of a view.
+    """The contents of a view."""
 
-    Parameters
-    ----------
-    meshes
-        With their names.
-    color
-        The quantity that is shown first; "" for none.
-    own
-        Values given by the caller, by the name of the mesh that they belong to.
-    """
-
-    meshes: list[Given]
-    color: str
-    own: Field | None
+    meshes: list[Given]  # with their names
+    color: str  # the quantity that is shown first; "" for none
+    own: Field | None  # values given by the caller, by the name of the mesh that they belong to
 
 
 def view(

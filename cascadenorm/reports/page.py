@@ -14,21 +14,11 @@ CODE, CODE_IN_HTML = re.compile("`([^`<>]+)`"), r"<code>\1</code>"
 
 
 class Tile(NamedTuple):
-    """A figure at the top of a page.
-
-    Parameters
-    ----------
-    label
-        What it is.
-    values
-        One value, or those before and after.
-    note
-        Unit, or what else belongs to it.
-    """
+    """A figure at the top of a page."""
 
     label: str
-    values: tuple[str, ...]
-    note: str = ""
+    values: tuple[str, ...]  # one value, or those before and after
+    note: str = ""  # such as the unit
 
 
 def page(

@@ -28,22 +28,13 @@ LITTLE = 0.02
 
 
 class _Frame(NamedTuple):
-    """The box in which positions are quantised.
+    """The box in which positions are quantised."""
 
-    Parameters
-    ----------
-    lower, extent
-        (3,) lower corner and size for the scaled meshes.
-    levels
-        Number of levels along each side.
-    unit
-        Unit length of the scaled meshes in the unit of the files.
-    """
-
+    # lower, extent: (3,) lower corner and size for the scaled meshes
     lower: NDArray[np.float64]
     extent: NDArray[np.float64]
-    levels: int
-    unit: float
+    levels: int  # number of levels along each side
+    unit: float  # unit length of the scaled meshes in the unit of the files
 
     def codes(self, vertices: Vectors) -> NDArray[np.int64]:
         """Return (n, 3) quantised positions; 0 along a side without length."""

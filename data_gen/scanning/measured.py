@@ -13,21 +13,11 @@ FARTHEST_CELLS = 3.0  # largest distance, in cells, between a face and its part 
 
 
 class Measured(NamedTuple):
-    """A measured mesh and its ground truth.
-
-    Parameters
-    ----------
-    noisy
-        Mesh with m faces.
-    clean
-        Mesh with the same faces over the points of the shape beneath the vertices.
-    normals
-        (m, 3) true normal of each face of the noisy mesh; zero where it is unknown.
-    """
+    """A measured mesh and its ground truth."""
 
     noisy: Mesh
-    clean: Mesh
-    normals: Vectors
+    clean: Mesh  # with the same m faces, over the points of the shape beneath the vertices
+    normals: Vectors  # (m, 3) true normal of each face of the noisy mesh; zero where it is unknown
 
     @classmethod
     def on_surface(cls, noisy: Mesh, clean: Mesh) -> "Measured":

@@ -13,21 +13,11 @@ RESULT = "Denoised"
 
 
 class Surface(NamedTuple):
-    """The triangles of an object.
+    """The triangles of an object."""
 
-    Parameters
-    ----------
-    positions
-        (n, 3) float32, as stored by Blender.
-    faces
-        (m, 3) vertex indices of polygons triangulated as Blender draws them.
-    scale
-        (3,) scale of the object along its axes.
-    """
-
-    positions: NDArray[np.float32]
-    faces: NDArray[np.int32]
-    scale: NDArray[np.float64]
+    positions: NDArray[np.float32]  # (n, 3) float32, as stored by Blender
+    faces: NDArray[np.int32]  # (m, 3) vertex indices of polygons triangulated as Blender draws them
+    scale: NDArray[np.float64]  # (3,) scale of the object along its axes
 
     @property
     def vertices(self) -> NDArray[Any]:

@@ -28,18 +28,10 @@ ByteOffsets = range | NDArray[np.int64]
 
 
 class StoredVectors(NamedTuple):
-    """Vectors of three numbers: their byte offsets in the buffers and their storage types.
+    """Vectors of three numbers: their byte offsets in the buffers and their storage types."""
 
-    Parameters
-    ----------
-    at
-        (k,) byte offset of each vector, ascending.
-    kinds
-        (k,) row of STORED.
-    """
-
-    at: NDArray[np.int64]
-    kinds: NDArray[np.int8]
+    at: NDArray[np.int64]  # (k,) byte offset of each vector, ascending
+    kinds: NDArray[np.int8]  # (k,) row of STORED
 
     @classmethod
     def joined(cls, parts: list["StoredVectors"]) -> "StoredVectors":

@@ -36,28 +36,15 @@ would not change what is shown."""
 
 
 class Primitive(NamedTuple):
-    """Triangles of one material.
+    """Triangles of one material."""
 
-    Parameters
-    ----------
-    mesh
-        Number of its mesh.
-    material
-        Number of its material, or None.
-    attributes
-        Name -> accessor.
-    positions, normals
-        Byte offsets in the buffers. There are either no normals or one for each position.
-    triangles
-        (m, 3) rows of both.
-    """
-
-    mesh: int
-    material: int | None
-    attributes: dict[str, int]
+    mesh: int  # number of the mesh
+    material: int | None  # its number
+    attributes: dict[str, int]  # name -> accessor
+    # positions, normals: byte offsets in the buffers. There are either no normals or one for each position.
     positions: StoredVectors
     normals: StoredVectors
-    triangles: NDArray[np.int64]
+    triangles: NDArray[np.int64]  # (m, 3) rows of both
 
 
 class GltfContainer(MeshFile):

@@ -24,21 +24,11 @@ class PropertyKind(NamedTuple):
 
 
 class PropertyColumn(NamedTuple):
-    """The values of one property, row after row.
+    """The values of one property, row after row."""
 
-    Parameters
-    ----------
-    kind
-        Type of the values.
-    offsets
-        Byte offset of the first value of each row; a range if the steps are equal.
-    counts
-        Number of values in each row; one number if they are equal.
-    """
-
-    kind: np.dtype[Any]
-    offsets: range | NDArray[np.int64]
-    counts: int | NDArray[np.int64]
+    kind: np.dtype[Any]  # of the values
+    offsets: range | NDArray[np.int64]  # byte offset of the first value of each row; a range if the steps are equal
+    counts: int | NDArray[np.int64]  # number of values in each row; one number if they are equal
 
     def view(self, body: Body) -> NDArray[Any]:
         """View the values in a body, (rows, values). Only for equal steps and counts."""

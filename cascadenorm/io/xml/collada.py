@@ -35,18 +35,9 @@ KEPT_ELSEWHERE = {
 
 
 class Array:
-    """The vectors of a source, as words of the document.
+    """The vectors of a source: their `words` in the `text` of the array, (k, w), and `values`, (k, w) float64.
 
-    Attributes
-    ----------
-    text
-        Words of the array.
-    begin, end
-        Position of the array in the document.
-    words
-        (k, w) words of each vector.
-    values
-        (k, w) float64.
+    `begin` and `end` are the position of the text in the document.
     """
 
     def __init__(self, source: Element, by_id: dict[str, Element]) -> None:
@@ -58,7 +49,8 @@ class Array:
             )
         self.begin, self.end = found.span
         self.text = Text(found.numbers)
-        count, stride, offset = (_whole(accessor, name, usual) for name, usual in _ACCESSOR.items())
+        defaults = {"count": "0", "stride": "1", "offset": "0"}
+        count, stride, offset = (_number(accessor.attributes.get(*default)) for default in defaults.items())
         named = [row for row, parameter in enumerate(accessor.all("param")) if parameter.attributes.get("name")]
         width = named or list(range(min(stride, 3)))
         last = offset + (count - 1) * stride + max(width, default=0)
@@ -68,30 +60,15 @@ class Array:
         self.values = self.text.numbers(self.words)
 
 
-_ACCESSOR = {"count": "0", "stride": "1", "offset": "0"}
-
-
 class Part(NamedTuple):
-    """Faces of a geometry that share a material.
+    """Faces of a geometry that share a material."""
 
-    Parameters
-    ----------
-    geometry
-        Id of the geometry.
-    material
-        Symbol of the material.
-    positions
-        Id of the source of the positions.
-    polygons
-        Faces. Corners are rows of the positions.
-    others
-        Semantic -> id of another source, such as that of normals, and its row for each corner.
-    """
-
-    geometry: str
-    material: str
-    positions: str
+    geometry: str  # id of the geometry
+    material: str  # symbol of the material
+    positions: str  # id of the source of the positions
+    # Faces. Corners are rows of the positions.
     polygons: Polygons
+    # Semantic -> id of another source, such as that of normals, and its row for each corner
     others: dict[str, tuple[str, NDArray[np.int64]]]
 
 
@@ -341,10 +318,6 @@ def _numbers(element: Element) -> NDArray[np.int64]:
     """Return the integers in the content of an element."""
     text = Text(element.numbers)
     return text.integers(np.arange(len(text.starts)))
-
-
-def _whole(element: Element, name: str, usual: str) -> int:
-    return _number(element.attributes.get(name, usual))
 
 
 def _number(word: str) -> int:

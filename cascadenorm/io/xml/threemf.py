@@ -7,6 +7,8 @@ moved once, even if several others contain it.
 import posixpath
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
 from io import BytesIO
 from typing import Any, NamedTuple
 from zipfile import ZipFile, ZipInfo
@@ -44,19 +46,7 @@ class Use(NamedTuple):
 
 
 class Model:
-    """A model of an archive, parsed on construction.
-
-    Attributes
-    ----------
-    objects
-        Objects by id.
-    build
-        Objects to be printed.
-    unit
-        Unit of length.
-    has_materials
-        Whether it contains materials, colours or textures.
-    """
+    """A model of an archive, parsed on construction: its objects by id, those to be printed, and its unit of length."""
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name, self.data = name, data
@@ -68,7 +58,7 @@ class Model:
         try:
             parse(data, self._start, self._end)
             for found in self.objects.values():
-                found.triangles = np.array(found.corners, np.int64).reshape(-1, 3)
+                found.triangles  # noqa: B018 - may overflow
         except KeyError as error:
             raise ReadError(f"an element of this 3mf file lacks the attribute {error}: export the file again") from None
         except OverflowError:
@@ -112,28 +102,21 @@ class Model:
         return Use((attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix)
 
 
+@dataclass
 class Object:
-    """An object of a model: a mesh or components.
+    """An object of a model: a mesh or components."""
 
-    Attributes
-    ----------
-    places
-        Byte offsets of the vertex elements.
-    coordinates, corners
-        Three numbers for each vertex and each triangle.
-    triangles
-        (m, 3) the same corners, set after the model is parsed.
-    digits
-        Largest number of significant digits of a coordinate.
-    """
+    name: str
+    digits: int = 0  # largest number of significant digits of a coordinate
+    places: list[int] = field(default_factory=list)  # byte offsets of the vertex elements
+    coordinates: list[float] = field(default_factory=list)  # three numbers for each vertex
+    corners: list[int] = field(default_factory=list)  # three numbers for each triangle
+    components: list[Use] = field(default_factory=list)
 
-    def __init__(self, name: str) -> None:
-        self.name, self.digits = name, 0
-        self.places: list[int] = []
-        self.coordinates: list[float] = []
-        self.corners: list[int] = []
-        self.triangles: NDArray[np.int64] = np.zeros((0, 3), np.int64)
-        self.components: list[Use] = []
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """(m, 3) corners, after the model is parsed."""
+        return np.array(self.corners, np.int64).reshape(-1, 3)
 
 
 class ThreemfFile(MeshFile):
