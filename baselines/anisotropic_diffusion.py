@@ -72,17 +72,9 @@ def diffused_vertex_normals(mesh: Mesh, presmoothing: float) -> Vectors:
 def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> Laplacian:
     """Return div(a grad) with a = Σ g(κ_i) d_i d_iᵀ in each face, and g(κ) = 1 / (1 + (κ l_e / threshold)²).
 
-    Curvatures κ_i and directions d_i are those of the normals' linear interpolation over the face. The stiffness is
-    positive semidefinite; as the threshold goes to infinity it becomes the cotangent Laplacian.
-
-    Parameters
-    ----------
-    mesh
-        n vertices; degenerate faces are mollified.
-    normals
-        (n, 3) unit vertex normals.
-    threshold
-        Curvature at which diffusion is halved, in radians per mean edge length l_e.
+    Curvatures κ_i and directions d_i are those of the linear interpolation of the normals, (n, 3) unit vectors, over
+    the face. The threshold is in radians per mean edge length l_e. The stiffness is positive semidefinite; as the
+    threshold goes to infinity it becomes the cotangent Laplacian. Degenerate faces are mollified.
     """
     lengths = intrinsic_lengths(mesh)
     weights, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))

@@ -122,17 +122,8 @@ def _of_patch(
 ) -> Vectors:
     """Return the normals of a patch after one pass; neighbours are those of the mesh as it was given.
 
-    Parameters
-    ----------
-    edge
-        Mean edge length of the whole mesh as it was given.
-    start
-        (k, 3) vertices of the patch as they were given.
-
-    Raises
-    ------
-    TooNarrow
-        A face depends on others beyond the halo.
+    `edge` is the mean edge length of that whole mesh, and `start`, (k, 3), are the vertices of the patch in it. Raises
+    TooNarrow if a face depends on others beyond the halo.
     """
     neighbors = faces_within(patch.mesh.moved(start).with_facts(mean_edge_length=edge), radius)
     around = neighbors if chosen.guidance == "gaussian" else patch.mesh.topology.face_rings(1)

@@ -23,20 +23,16 @@ def smoothed_normals(
 
     Parameters
     ----------
-    mesh
-        n vertices, m faces.
     along
         (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction.
     passes
         Numbers of passes, ascending.
     sigma_r
         Spread of the weights of neighbours by the chord between directions; infinite: all weigh the same.
-    out
-        (m, p, 3), what is returned; None: a new array.
 
     Returns
     -------
-    (m, p, 3) unit; where a face has no area left, its normal in `mesh`
+    (m, p, 3) unit normals, which is `out` if that is given. A face without area keeps its normal.
     """
     directions = _vertex_directions(mesh, along)
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2

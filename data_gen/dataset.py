@@ -236,16 +236,8 @@ def write_dataset(
 ) -> None:
     """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, and `dataset.json`, which describes them.
 
-    Parameters
-    ----------
-    folder
-        Output folder. It is created if it does not exist; existing files are overwritten.
-    write
-        Function that writes a mesh to a path.
-    workers
-        Number of processes.
-    progress
-        Called with (task, number of finished pairs, total number of pairs) after each pair.
+    The folder is created if it does not exist; existing files are overwritten. `progress` is called with (task, number
+    of finished pairs, total number of pairs) after each pair.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries = []

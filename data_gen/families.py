@@ -88,19 +88,11 @@ class ShapeFamily:
         return self.part in ("view", "laser", "fused")
 
     def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Measured:
-        """Draw a shape and make a mesh of about `faces` faces.
+        """Draw a shape and make a mesh of about `faces` faces. Raises UnfitShapeError if one of them is invalid.
 
-        Parameters
-        ----------
-        level
-            Error level of the cameras of a fused mesh, the grain of a tomogram, the distances of a tetrahedral mesh, or
-            the points of a reconstruction. Meshes of other families have no noise, and both meshes of the result are
-            equal.
-
-        Raises
-        ------
-        UnfitShapeError
-            The shape or its mesh is invalid.
+        The level is that of the error of the cameras of a fused mesh, of the grain of a tomogram, of the distances of a
+        tetrahedral mesh, or of the points of a reconstruction. Meshes of other families have no noise, and both meshes
+        of the result are equal.
         """
         if self.shape is None:
             made = (

@@ -16,15 +16,8 @@ class Cancelled(Exception):
 class Job(Generic[Result]):
     """A function that runs in its own thread; it must not access data of the host program.
 
-    Parameters
-    ----------
-    work
-        Function called with a progress listener, which raises Cancelled once the job is cancelled.
-
-    Attributes
-    ----------
-    fraction
-        Share of the work that is done, from 0 to 1.
+    It is called with a progress listener, which raises Cancelled once the job is cancelled. `fraction` is the share of
+    the work that is done, from 0 to 1.
     """
 
     def __init__(self, work: Callable[[Listener], Result]) -> None:

@@ -27,13 +27,7 @@ class Adapter(NamedTuple):
 
 
 def adapter(mesh: object) -> Adapter:
-    """Return the adapter for a mesh object.
-
-    Raises
-    ------
-    MeshError
-        The kind of object is unknown.
-    """
+    """Return the adapter for a mesh object. Raises MeshError if the kind of object is unknown."""
     hint = "pass (vertices, faces), a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     for kind in type(mesh).__mro__:
         library, *inside = kind.__module__.split(".")

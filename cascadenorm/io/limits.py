@@ -16,16 +16,9 @@ ALWAYS = 100_000_000
 
 
 def check_expansion(needed: float, size: int, what: str) -> None:
-    """Raise ReadError if content needs more memory than a file of its size may expand to.
+    """Raise ReadError if content needs more bytes of memory than a file of `size` bytes may expand to.
 
-    Parameters
-    ----------
-    needed
-        Bytes in memory.
-    size
-        Bytes of the file.
-    what
-        Subject of the message, in the plural.
+    `what` is the subject of the message, in the plural.
     """
     if needed > expansion_limit(size):
         raise ReadError(

@@ -82,21 +82,9 @@ def placements(
 ) -> list[tuple[Key, Matrix]]:
     """Return everything that a scene shows, with its transform.
 
-    Parameters
-    ----------
-    roots
-        Objects at the top level of the scene.
-    inner
-        Returns the contents of an object, in its own frame.
-    nbytes
-        Returns the memory that one instance of an object needs.
-    size
-        Bytes of the file. The memory of the instances is checked against it before any is created.
-
-    Raises
-    ------
-    ReadError
-        An object contains itself, the instances need too much memory, or a transform is not finite.
+    `inner` returns the contents of an object, in its own frame, and `nbytes` the memory that one instance of it needs.
+    That of all instances is checked against the size of the file in bytes before any is created. Raises ReadError if an
+    object contains itself, the instances need too much memory, or a transform is not finite.
     """
     needed: dict[Key, int] = {}
     opened: set[Key] = set()

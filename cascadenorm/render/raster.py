@@ -27,17 +27,10 @@ class Painted(NamedTuple):
 
 
 def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDArray[np.float64]:
-    """Rasterize triangles, with the nearest in front.
+    """Rasterize triangles, with the nearest in front. Each pixel is the mean of samples × samples points.
 
-    Parameters
-    ----------
-    samples
-        Each pixel is the mean of samples × samples points.
-
-    Returns
-    -------
-    (height, width, 4) linear colour times coverage, and coverage. Of two triangles at equal depth, the one with the
-    smaller index is visible
+    Returns (height, width, 4) linear colour times coverage, and coverage. Of two triangles at equal depth, the one with
+    the smaller index is visible.
     """
     picture = np.zeros((height, width, 4))
     arrays = [np.ascontiguousarray(array, np.float64) for array in painted[:4]]

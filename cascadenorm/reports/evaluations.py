@@ -68,21 +68,13 @@ def report_evaluation(
 ) -> None:
     """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
-    Parameters
-    ----------
-    output
-        HTML file. The folder has its name, with `_files` instead of the extension.
-    done
-        Result of `evaluate` with `keep`, since the meshes are shown.
-    force
-        Replace an existing file.
-    progress
-        Called with (task, pairs done, total pairs, next pair).
+    The folder has the name of the page, with `_files` instead of the extension. `progress` is called with (task, pairs
+    done, total pairs, next pair).
 
     Raises
     ------
     ParameterError
-        The evaluation kept no meshes.
+        The evaluation kept no meshes, as `evaluate` with `keep` does.
     OutputError
         The file exists and force is not given, or it cannot be written.
     """

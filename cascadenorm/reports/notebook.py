@@ -143,13 +143,7 @@ def _picture(shown: Shown) -> "Figure":
 
 @cache
 def _widget() -> "type[AnyWidget]":
-    """Return the class of the widget, created on first use.
-
-    Raises
-    ------
-    MissingDependencyError
-        Anywidget is not installed.
-    """
+    """Return the class of the widget, created on first use. Raises MissingDependencyError without anywidget."""
     try:
         import anywidget
         import traitlets

@@ -31,20 +31,10 @@ def page(
     caption: str,
     scene: Mapping[str, Any],
 ) -> str:
-    """Return the page.
+    """Return the page: a title, a paragraph for each sentence of the summary, tiles, the viewer, and sections.
 
-    Parameters
-    ----------
-    title, summary
-        Text; sentences, a paragraph each.
-    sections
-        Titles and their HTML.
-    tiles
-        Figures in a row below the summary.
-    picture, caption
-        An SVG element, and what it shows.
-    scene
-        Scene of the viewer.
+    Sections are titles and their HTML. The picture, an SVG element, and its caption stand in for the viewer of the
+    scene where scripts do not run.
     """
     viewer = f'<div id="viewer">{image(picture, caption)}</div>'
     return _html(title, summary, sections, tiles=tiles, before=viewer, after=_scripts(scene))
@@ -60,14 +50,7 @@ def plain_page(
 def frame_page(scene: Mapping[str, Any], picture: str, caption: str, *, color: str) -> str:
     """Return a page that contains only the viewer, for a frame in another page.
 
-    Parameters
-    ----------
-    scene
-        Scene of the viewer.
-    picture, caption
-        An SVG element, and what it shows.
-    color
-        The quantity that is shown first; "" for none.
+    Color is the quantity that is shown first; "" for none. The other parameters are those of `page`.
     """
     first = "history.replaceState = () => {};"  # a frame has no address of its own
     if color:
@@ -159,16 +142,9 @@ def table(
 ) -> str:
     """Return a table; the first cell of each row, and the first row if it is a head, are headings.
 
-    Parameters
-    ----------
-    bold
-        Row and column of cells in bold.
-    numbers
-        Whether all columns but the first hold numbers.
-    prose
-        Whether the last column holds sentences, with code in backticks; it is stacked.
-    stacked
-        Whether a phone shows the last column below the other cells.
+    The cells in `bold`, by row and column, are bold. With `numbers`, all columns but the first hold numbers. With
+    `prose`, the last column holds sentences, with code in backticks. A phone shows the last column below the other
+    cells if it is `stacked` or prose.
     """
     lines = []
     for number, row in enumerate(rows):

@@ -93,13 +93,7 @@ def _characters(packs: Any) -> int:
 
 
 class Comparison:
-    """Scenes of a mesh and of results with the same faces; shared data are computed once.
-
-    Parameters
-    ----------
-    before
-        Input mesh.
-    """
+    """Scenes of a mesh and of results with the same faces; shared data are computed once."""
 
     def __init__(self, before: Given) -> None:
         self._given, self._mesh = before, before.mesh
@@ -113,10 +107,7 @@ class Comparison:
     def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
         """Return what extends the first scene to both meshes, or a whole scene if the result does not fit its box.
 
-        Parameters
-        ----------
-        vertices
-            (n, 3) vertices of `after`, in the order of the mesh before.
+        The vertices of `after`, (n, 3), are in the order of the mesh before.
         """
         before, mesh = scaled_alike(self._mesh, self._mesh.moved(vertices))
         unit = scale_between(self._mesh, before)

@@ -27,15 +27,7 @@ PICTURE = (560, 560)
 
 
 class Contents(NamedTuple):
-    """The inspections and measures of a report, by mesh: "mesh", or "before" and "after".
-
-    Parameters
-    ----------
-    inspections
-        Inspection of each mesh.
-    measures
-        Errors of each mesh against the truth; empty without one.
-    """
+    """The inspections of a report, and errors against the truth, if any, by mesh: "mesh", or "before" and "after"."""
 
     inspections: dict[str, Inspection]
     measures: dict[str, Measures]

@@ -31,15 +31,8 @@ LOW_DIGITS = 0.2
 def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
     """Make a random part about the origin that extends to a distance of 1 from it.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces. None draws a usual tolerance instead.
-
-    Raises
-    ------
-    UnfitShapeError
-        Loops cross, or the number of faces cannot be reached.
+    It has about `faces` faces; None draws a usual tolerance instead. Raises UnfitShapeError if loops cross, or if the
+    number of faces cannot be reached.
     """
     make = MAKERS[rng.integers(len(MAKERS))]
     seed = int(rng.integers(2**31))

@@ -67,10 +67,7 @@ def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing:
 def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 1) -> NDArray[np.float64]:
     """Return nodes about the origin that cover the box from -half to half, (p, q, r, 3), `steps` apart along the axes.
 
-    Parameters
-    ----------
-    cells
-        Number of which the count of cells along each axis is a multiple.
+    The number of steps along each axis is a multiple of `cells`.
     """
     counts = cells * np.ceil(2 * half / (cells * steps)).astype(int) + 1
     axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]

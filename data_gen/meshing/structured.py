@@ -23,14 +23,8 @@ FEWEST_CAGE_FACES = 60
 def grid_faces(rows: int, columns: int, *, around: tuple[bool, bool], rng: np.random.Generator) -> NDArray[np.int32]:
     """Split each quadrilateral of a grid of vertices into two triangles.
 
-    The diagonals all run one way, alternate, or are random.
-
-    Parameters
-    ----------
-    rows, columns
-        Numbers of vertices.
-    around
-        Whether the rows, and the columns, are cyclic.
+    The diagonals all run one way, alternate, or are random. `around` tells whether the rows, and the columns, are
+    cyclic.
     """
     index = np.arange(rows * columns).reshape(rows, columns)
     if around[0]:
@@ -116,10 +110,7 @@ STRUCTURED: tuple[Callable[[int, np.random.Generator], Mesh], ...] = (_torus, _r
 def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Make a surface over a grid of parameters with about `faces` faces.
 
-    Raises
-    ------
-    UnfitShapeError
-        The surface is not manifold or has degenerate faces.
+    Raises UnfitShapeError if it is not manifold or has degenerate faces.
     """
     mesh = STRUCTURED[rng.integers(len(STRUCTURED))](faces, rng)
     fit(mesh)
@@ -127,19 +118,9 @@ def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
 
 
 def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh:
-    """Decimate a mesh to a cage and subdivide it smoothly (Loop 1987) or within the planes of its faces.
+    """Decimate a closed mesh to a cage and subdivide it smoothly (Loop 1987) or within the planes of its faces.
 
-    Parameters
-    ----------
-    mesh
-        Closed surface with more faces than the cage.
-    faces
-        Wanted number of faces. The cage has fewer by a power of four.
-
-    Raises
-    ------
-    UnfitShapeError
-        The cage is invalid or has too few faces.
+    The cage has fewer faces than wanted by a power of four. Raises UnfitShapeError if it is invalid or has too few.
     """
     levels = int(rng.integers(1, 4))
     cage_faces = faces // 4**levels

@@ -69,12 +69,8 @@ def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool
                 window: Window | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
     """Polygonise a field with about `faces` triangles on a randomly rotated and jittered lattice.
 
-    Parameters
-    ----------
-    sharp
-        Whether to use dual contouring instead of marching cubes.
-    window
-        Corners of a box at which the surface is cut open. None keeps the whole shape.
+    A sharp one is polygonised by dual contouring instead of marching cubes. A window is the box at which the surface is
+    cut open.
     """
     spacing = float(np.sqrt(2.3 * extent.area / faces))
     lower, upper = (extent.lower, extent.upper) if window is None else window

@@ -26,16 +26,9 @@ ASTRAY = 0.006  # share of the faces that may deviate from the normal of the sur
 def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
                tessellation: Tessellation | None = None,
                window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
-    """Make a mesh of about `faces` triangles of a field.
+    """Make a mesh of about `faces` triangles of a field, whose edges become edges of the mesh if it is sharp.
 
-    Parameters
-    ----------
-    sharp
-        Whether edges of the shape become edges of the mesh.
-    tessellation
-        Kind of tessellation. None draws one.
-    window
-        Box at which the surface is cut open.
+    Without a tessellation, one is drawn. A window is the box at which the surface is cut open.
     """
     if tessellation is None:
         tessellation = rng.choice(get_args(Tessellation), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])

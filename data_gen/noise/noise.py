@@ -46,19 +46,10 @@ NoiseKind = Literal[
 
 
 def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.Generator) -> Vectors:
-    """Draw noise for the vertices of a mesh.
+    """Draw noise of a kind for the vertices of a mesh, (n, 3).
 
-    Parameters
-    ----------
-    kind
-        See NoiseKind.
-    level
-        Standard deviation along the normal or of each coordinate, in mean edge lengths. For impulsive noise, the
-        deviation at the affected vertices.
-
-    Returns
-    -------
-    (n, 3) displacements, float64.
+    The level is the standard deviation along the normal or of each coordinate, in mean edge lengths; for impulsive
+    noise, at the affected vertices.
     """
     if kind not in _KINDS:
         raise ValueError(f"noise kind is {kind!r}; it must be one of {', '.join(get_args(NoiseKind))}")

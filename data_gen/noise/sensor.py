@@ -15,24 +15,13 @@ HIGHEST_STEPS = 5.0  # largest height of rounding steps, relative to terraces on
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
-    """Displace vertices along the viewing direction.
+    """Displace the vertices of a sheet seen from one side, or of a closed surface, along the viewing direction.
 
     The viewing direction is the mean normal of a sheet, or random for a closed surface. Errors of neighbours are
     correlated, since a camera matches windows of pixels. Where the surface is steep to the view, rounding of the
     disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). The whole error can therefore be several
-    times larger than its difference between neighbouring pixels.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices: a sheet seen from one side, or a closed surface.
-    deviation
-        Approximate deviation of the error between neighbouring vertices, in mesh units: white noise of this standard
-        deviation differs as much between neighbours.
-
-    Returns
-    -------
-    (n, 3) displacements, float64, in parallel rows.
+    times larger than its difference between neighbouring pixels. That is about as large as the difference of white
+    noise with the standard deviation `deviation`, in mesh units. Returns (n, 3) displacements in parallel rows.
     """
     mean = mesh.area_vectors.sum(axis=0)
     closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area

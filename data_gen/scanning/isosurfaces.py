@@ -29,15 +29,7 @@ it."""
 def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
     """Mesh the level of an exact field, whose only error is the interpolation between the nodes of a lattice.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the edge of a voxel.
-
-    Raises
-    ------
-    UnfitShapeError
-        The field has no surface in the volume.
+    The mesh has about `faces` faces. Raises UnfitShapeError if the field has no surface in the volume.
     """
     mesher, density, _ = MESHERS[str(rng.choice(list(MESHERS), p=[share for *_, share in MESHERS.values()]))]
     voxel = float(np.sqrt(density * extent.area / faces))

@@ -29,19 +29,10 @@ NOISIER = 0.3  # share of the point clouds whose error is up to twice the level
 def reconstruction(
     field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
 ) -> Measured:
-    """Reconstruct a shape from points with errors in position and normal, including outliers.
+    """Reconstruct a shape from points with errors in position and normal, including outliers, with about `faces` faces.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the cells of the grid.
-    level
-        Deviation of the points along the normals, in mean distances between points.
-
-    Raises
-    ------
-    UnfitShapeError
-        The points do not define a closed surface.
+    The level is the deviation of the points along the normals, in mean distances between points. Raises UnfitShapeError
+    if the points do not define a closed surface.
     """
     cell = float(np.sqrt(CELLS * extent.area / faces))
     count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST, MOST))
@@ -70,9 +61,7 @@ def sampled_points(
 ) -> tuple[Vectors, Vectors]:
     """Draw points on a shape with uneven density, errors along the normals, and some outliers, as scanners do.
 
-    Returns
-    -------
-    (n, 3) points and (n, 3) unit normals that err by up to about 20 degrees.
+    Returns (n, 3) points and (n, 3) unit normals that err by up to about 20 degrees.
     """
     axis = random_direction(rng=rng)
     density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
@@ -95,24 +84,10 @@ def poisson(
 ) -> NDArray[np.float64]:
     """Solve for the indicator whose gradient is the field of normals (Kazhdan, Hoppe 2013), on a regular grid.
 
-    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)². V are the normals, spread over the cells around their points. The
-    second sum draws the surface χ = 0 to the points. Conjugate gradients solve the normal equations, preconditioned by
-    the Laplacian, which the Fourier transform inverts.
-
-    Parameters
-    ----------
-    nodes
-        (p, q, r, 3), `cell` apart.
-    points, normals
-        (n, 3); normals point outward.
-    screening
-        Weight of the points relative to the normals.
-    width
-        Deviation of the kernel that spreads the normals, in cells.
-
-    Returns
-    -------
-    (p, q, r) values, above 0.5 inside.
+    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)². V are the outward normals, (n, 3), spread over the cells around
+    their points by a kernel with the deviation `width`, in cells. The second sum draws the surface χ = 0 to the points.
+    Conjugate gradients solve the normal equations, preconditioned by the Laplacian, which the Fourier transform
+    inverts. Returns values at the nodes (p, q, r, 3), which are `cell` apart: (p, q, r), above 0.5 inside.
     """
     shape = nodes.shape[:3]
     interpolation = _trilinear((points - nodes[0, 0, 0]) / cell, shape)

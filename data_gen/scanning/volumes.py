@@ -34,19 +34,10 @@ ENLARGED = 0.15  # share of the segmentations whose labels or distances are samp
 def segmentation(
     field: DistanceField, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator
 ) -> Measured:
-    """Mesh a binary mask of the shape, whose steps are one voxel high.
+    """Mesh a binary mask of the shape, whose steps are one voxel high, with about `faces` faces.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the edge of a voxel.
-    slices
-        Whether voxels are 1.5 to 4 times as long along one axis of the lattice as along the others.
-
-    Raises
-    ------
-    UnfitShapeError
-        The mask is empty.
+    In slices, voxels are 1.5 to 4 times as long along one axis of the lattice as along the others. Raises
+    UnfitShapeError if the mask is empty.
     """
     stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
     voxel_faces = bool(rng.random() < VOXEL_FACES)
@@ -90,10 +81,7 @@ def _enlarged(distance: Volume, *, binary: bool) -> Volume:
 def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
     """Mesh a level of a grey volume with a point spread and grain that is correlated between neighbours.
 
-    Parameters
-    ----------
-    level
-        Deviation of the grain, in fifths of the contrast.
+    The level is the deviation of the grain, in fifths of the contrast.
     """
     stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
     nets, kept = _mesher(rng=rng)
@@ -128,16 +116,10 @@ def volume_surface(volume: Volume) -> Mesh:
 
 
 def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
-    """Mesh the level 0.5 with one vertex per cell and one quadrilateral per crossing (Gibson 1998).
+    """Mesh the level 0.5 with one vertex per cell and one quadrilateral per crossing (Gibson 1998), in units of voxels.
 
-    Parameters
-    ----------
-    centered
-        Whether vertices are the centres of their cells, so that the quadrilaterals are voxel faces.
-
-    Returns
-    -------
-    Mesh in units of voxels. Each vertex is the mean of the crossings on the edges of its cell, unless `centered`.
+    Each vertex is the mean of the crossings on the edges of its cell. Centered vertices are the centres of their cells,
+    so that the quadrilaterals are voxel faces.
     """
     inside = volume > 0.5
     number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # number of the vertex of each cell

@@ -49,10 +49,7 @@ def surface_of(object: Any) -> Surface:
 def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
     """Return the weights of the vertex group, in Edit mode for the selected vertices; None moves every vertex.
 
-    Raises
-    ------
-    ParameterError
-        There is no such group, or nothing is selected.
+    Raises ParameterError if there is no such group, or if nothing is selected.
     """
     mesh, mask = object.data, None
     if name := settings.vertex_group:

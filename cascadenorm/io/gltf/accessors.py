@@ -107,16 +107,9 @@ class StoredVectors(NamedTuple):
 
 
 class Accessors:
-    """The accessors of a document: vectors of numbers, packed, interleaved or sparse.
+    """The accessors of an unchecked document: vectors of numbers, packed, interleaved or sparse.
 
-    Parameters
-    ----------
-    document
-        Document from JSON, unchecked.
-    buffers
-        Buffers. Those that accessors use are loaded.
-    size
-        Bytes of the file, without buffers in separate files.
+    `size` is the number of bytes of the file, without buffers in separate files.
     """
 
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:

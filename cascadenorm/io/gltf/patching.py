@@ -39,20 +39,12 @@ class Patching:
 
     Parameters
     ----------
-    document
-        Document from JSON.
-    accessors
-        Accessors of the document.
     places
         Primitives of the file, in the order of its polygons.
     positions, welds, normals
         Arrays of the file. Normals are (k, 3), zero where it has none.
-    patches
-        Patches to add.
-    begin
-        Byte offset in a buffer from which the values are stored.
-    buffer
-        Number of that buffer.
+    begin, buffer
+        Byte offset from which the values are stored, and the number of the buffer.
 
     Attributes
     ----------

@@ -25,17 +25,7 @@ class ShownPrimitive(NamedTuple):
 
 
 def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[ShownPrimitive]) -> Content:
-    """Return the shapes, transformed, once for each time that the scene shows their mesh.
-
-    Parameters
-    ----------
-    document
-        Document from JSON, unchecked.
-    accessors
-        Accessors of the document, for colours and texture coordinates.
-    shapes
-        Primitives of all meshes.
-    """
+    """Return the primitives of all meshes, transformed, once for each time that the scene shows their mesh."""
     filled = [shape for shape in shapes if len(shape.triangles)]
     of_mesh: dict[int, list[ShownPrimitive]] = {}
     for shape in _joined(filled):

@@ -198,12 +198,7 @@ class PlyFile(MeshFile):
 
         Vertex values are interpolated from the surrounding vertices if they are floating-point numbers or colours.
         Other vertex values, and face values, are those of the nearest vertex or face. Lists other than the corners are
-        empty.
-
-        Raises
-        ------
-        OutputError
-            The integer type of the vertex indices is too small for the additional vertices.
+        empty. Raises OutputError if the integer type of the vertex indices is too small for the additional vertices.
         """
         if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
             return PlyFile(self._widened(), self.folder).with_patches(patches)

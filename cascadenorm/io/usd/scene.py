@@ -33,12 +33,7 @@ PRIM = 1000
 def content_of(layers: Layers, size: int) -> Content:
     """Return the meshes of a scene, transformed, once for each time that the scene shows them.
 
-    Parameters
-    ----------
-    layers
-        Layers, the root first. Nothing outside them is read.
-    size
-        Bytes of the file.
+    The first layer is the root. Nothing outside the layers is read. `size` is the number of bytes of the file.
     """
     from pxr import Usd
 
