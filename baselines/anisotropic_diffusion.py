@@ -7,13 +7,7 @@ import numpy as np
 
 from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse, flowed
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.laplacians import (
-    Laplacian,
-    assemble,
-    cotangent_laplacian,
-    intrinsic_lengths,
-    vertex_masses,
-)
+from cascadenorm.geometry.laplacians import Laplacian, assemble, cotangent_laplacian, intrinsic_lengths, vertex_masses
 from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 

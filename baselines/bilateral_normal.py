@@ -129,13 +129,7 @@ def joint_bilateral_pass(
 
 @kernel
 def _spatial_weights(
-    start: int,
-    stop: int,
-    centroids: Vectors,
-    areas: Floats,
-    rings: Csr,
-    spread: float,
-    weights: Floats,
+    start: int, stop: int, centroids: Vectors, areas: Floats, rings: Csr, spread: float, weights: Floats
 ) -> None:
     for f in range(start, stop):
         for k in range(rings.indptr[f], rings.indptr[f + 1]):

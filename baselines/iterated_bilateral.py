@@ -32,7 +32,7 @@ def iterated_bilateral_normals(
     (m, 1 + 4 p, 3), which is `out` if that is given: the face normal, then each σ_r within each number of passes.
     """
     rings, own, weights = _ring_weights(mesh)
-    steepness = _range_steepness(sigma_r)
+    steepness = (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)  # range weight: (1 - steepness · chord²)^8
     assert len(steepness) == LANES
     normals = np.repeat(mesh.face_normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
@@ -45,11 +45,6 @@ def iterated_bilateral_normals(
             first = 1 + LANES * passes.index(done + 1)
             parallel_for(len(normals), _keep_range, normals, out[:, first : first + LANES])
     return out
-
-
-def _range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
-    """Factors of the squared chord in the range weights, (1 - steepness · chord²)^8."""
-    return (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)
 
 
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:

@@ -19,8 +19,7 @@ from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
-    float,
-    Parameter("cosine of the angle between normals up to which a neighbour has no weight", minimum=-1, below=1),
+    float, Parameter("cosine of the angle between normals up to which a neighbour has no weight", minimum=-1, below=1)
 ]
 WalkLength = Annotated[int, Parameter("steps of a walk", minimum=0)]
 

@@ -34,7 +34,9 @@ def smoothed_normals(
     -------
     (m, p, 3) unit normals, which is `out` if that is given. A face without area keeps its normal.
     """
-    directions = _vertex_directions(mesh, along)
+    directions = np.empty_like(mesh.vertices)
+    parallel_for(len(directions), _direction_range, mesh.topology.vertex_faces, mesh.areas, along, directions)
+    directions = unit(directions)
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
     out = np.empty((len(mesh.faces), len(passes), 3), np.float32) if out is None else out
@@ -44,13 +46,6 @@ def smoothed_normals(
         if done in passes:
             parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.face_normals, out[:, passes.index(done)])
     return out
-
-
-def _vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vectors:
-    """Unit sums around each vertex of what its faces have, (m, 3), by their areas: (n, 3)."""
-    sums = np.empty_like(mesh.vertices)
-    parallel_for(len(sums), _direction_range, mesh.topology.vertex_faces, mesh.areas, along, sums)
-    return unit(sums)
 
 
 @kernel
@@ -66,13 +61,7 @@ def _direction_range(start: int, stop: int, around: Csr, areas: Floats, along: V
 
 @kernel
 def _smooth_range(
-    start: int,
-    stop: int,
-    positions: Vectors,
-    directions: Vectors,
-    neighbors: Csr,
-    spread: float,
-    after: Vectors,
+    start: int, stop: int, positions: Vectors, directions: Vectors, neighbors: Csr, spread: float, after: Vectors
 ) -> None:
     """One pass; the weight (1 - u/8)^8 stands for e^-u; iteration i alone writes after[i]."""
     for i in range(start, stop):

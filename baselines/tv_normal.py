@@ -190,13 +190,7 @@ def _weights(start: int, stop: int, given: Vectors, pairs: Ints32, weights: Floa
 
 @kernel
 def _right_side(
-    start: int,
-    stop: int,
-    sides: FaceSides,
-    pull: Floats,
-    given: Vectors,
-    ties: Vectors,
-    right: Vectors,
+    start: int, stop: int, sides: FaceSides, pull: Floats, given: Vectors, ties: Vectors, right: Vectors
 ) -> None:
     """Write 2αA n* + Dᵀl (rp - y)."""
     for f in range(start, stop):

@@ -48,15 +48,8 @@ _SHAPE, _NOISE, _OWN = 0, 1, 2
 
 
 USUAL_KINDS: tuple[NoiseKind, ...] = (
-    "normal",
-    "normal",
-    "gaussian",
-    "uniform",
-    "impulsive",
-    "varying",
-    "mixed",
-    "sensor",
-)
+    "normal", "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "sensor",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -174,11 +174,7 @@ def _renew_vtk_normals(moved: Any, points: NDArray[Any], triangles: NDArray[Any]
 
 
 def _renewed(
-    values: NDArray[Any],
-    corners: NDArray[Any],
-    points: NDArray[Any],
-    triangles: NDArray[Any],
-    vertices: NDArray[Any],
+    values: NDArray[Any], corners: NDArray[Any], points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]
 ) -> NDArray[Any]:
     """Return recomputed normals, in their stored type, for triangles that have moved from `points` to `vertices`."""
     faces = triangles.astype(np.int64)

@@ -21,13 +21,7 @@ from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined
 from cascadenorm.mesh.polygons import Polygons
 
-TRIMESH_NEEDS = {
-    "3dxml": "lxml networkx",
-    "stp": "cascadio",
-    "step": "cascadio",
-    "xaml": "lxml",
-    "zae": "pycollada",
-}
+TRIMESH_NEEDS = {"3dxml": "lxml networkx", "stp": "cascadio", "step": "cascadio", "xaml": "lxml", "zae": "pycollada"}
 """Packages that a format requires."""
 
 INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")

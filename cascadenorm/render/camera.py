@@ -54,12 +54,7 @@ class Camera:
 
     @classmethod
     def looking_at(
-        cls,
-        mesh: Mesh,
-        *,
-        direction: ArrayLike | None = None,
-        perspective: float = 0.15,
-        up: Up = "y",
+        cls, mesh: Mesh, *, direction: ArrayLike | None = None, perspective: float = 0.15, up: Up = "y"
     ) -> "Camera":
         """Place a camera that shows the whole mesh, except small far parts that would shrink the rest to a dot.
 

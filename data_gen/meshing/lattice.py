@@ -81,20 +81,16 @@ def _values(field: DistanceField, nodes: NDArray[np.float64], *, reach: float) -
     blocks: NDArray[np.int_] = np.array(coarse.shape) - 1
     near = np.full(tuple(blocks), np.inf)
     low, high = near.copy(), -near
-    for a in (0, 1):
-        for b in (0, 1):
-            for c in (0, 1):
-                part = coarse[a : a + blocks[0], b : b + blocks[1], c : c + blocks[2]]
-                np.minimum(near, np.abs(part), out=near)
-                np.minimum(low, part, out=low)
-                np.maximum(high, part, out=high)
+    for a, b, c in np.ndindex(2, 2, 2):
+        part = coarse[a : a + blocks[0], b : b + blocks[1], c : c + blocks[2]]
+        np.minimum(near, np.abs(part), out=near)
+        np.minimum(low, part, out=low)
+        np.maximum(high, part, out=high)
     active = (near < reach) | ((low < 0) & (high >= 0))
     spread = active.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)
     wanted = np.zeros(nodes.shape[:3], bool)
-    for a in (0, 1):
-        for b in (0, 1):
-            for c in (0, 1):
-                wanted[a : a + spread.shape[0], b : b + spread.shape[1], c : c + spread.shape[2]] |= spread
+    for a, b, c in np.ndindex(2, 2, 2):
+        wanted[a : a + spread.shape[0], b : b + spread.shape[1], c : c + spread.shape[2]] |= spread
     last = [slice(0, count) for count in nodes.shape[:3]]
     values = coarse.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)[tuple(last)].copy()
     values[wanted] = field(nodes[wanted])

@@ -16,7 +16,6 @@ from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.mesh import Mesh, Vectors
 
-LARGEST_ASPECT = 4.0  # largest ratio of the sides of a quadrilateral
 FEWEST_CAGE_FACES = 60
 
 

@@ -98,6 +98,11 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     return part_of(mesh, (counts >= share * counts.max())[label])[0]
 
 
+def disentangled(mesh: Mesh, *, share: float) -> Mesh:
+    """Return the largest components of a surface as a manifold; see `largest_components` and `untangled`."""
+    return largest_components(untangled(largest_components(mesh, share=share)), share=share)
+
+
 def fit(mesh: Mesh) -> None:
     """Raise UnfitShapeError if a mesh is not manifold or has degenerate faces."""
     if not is_manifold(mesh):

@@ -17,18 +17,9 @@ WHITE_SHARE = 0.15, 0.8  # deviation of the white noise added to correlated nois
 FINEST = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
 
 NoiseKind = Literal[
-    "normal",
-    "gaussian",
-    "uniform",
-    "impulsive",
-    "varying",
-    "mixed",
-    "correlated",
-    "quantised",
-    "sensor",
-    "laser",
+    "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "quantised", "sensor", "laser",
     "none",
-]
+]  # fmt: skip
 """Kinds of noise.
 
 - `normal`: Gaussian along vertex normals.
@@ -116,18 +107,6 @@ def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vector
     return np.asarray(spacing * (np.round(nodes) - nodes) @ turn.T)
 
 
-def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return sensor_displacements(mesh, deviation, rng=rng)
-
-
-def _laser(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return laser_displacements(mesh, deviation, rng=rng)
-
-
-def _none(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return np.zeros(mesh.vertices.shape)
-
-
 _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] = {
     "normal": _normal,
     "gaussian": _gaussian,
@@ -137,7 +116,7 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "mixed": _mixed,
     "correlated": _correlated,
     "quantised": _quantised,
-    "sensor": _sensor,
-    "laser": _laser,
-    "none": _none,
+    "sensor": lambda mesh, deviation, rng: sensor_displacements(mesh, deviation, rng=rng),
+    "laser": lambda mesh, deviation, rng: laser_displacements(mesh, deviation, rng=rng),
+    "none": lambda mesh, deviation, rng: np.zeros(mesh.vertices.shape),
 }

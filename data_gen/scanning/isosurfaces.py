@@ -3,8 +3,7 @@
 import numpy as np
 
 from cascadenorm.data_gen.meshing.polygonise import projected
-from cascadenorm.data_gen.meshing.surface import Extent, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.tetrahedra import FACES_PER_VOXEL_SIDE, marching_tetrahedra
 from cascadenorm.data_gen.scanning.volumes import (
     SMALLEST_COMPONENT,
@@ -35,10 +34,7 @@ def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.rand
     voxel = float(np.sqrt(density * extent.area / faces))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
-    placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
-    placed = largest_components(
-        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
-    )
+    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
     if rng.random() < RELAXED_SHARE:
         placed = placed.moved(projected(field, placed.vertices, size=0.3 * voxel))
     return placed

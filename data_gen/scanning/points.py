@@ -8,8 +8,7 @@ from scipy import fft, sparse
 
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.polygonise import gradients, projected
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.volumes import SMALLEST_COMPONENT, volume_surface
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
@@ -46,10 +45,7 @@ def reconstruction(
     width = max(0.6, gap * float(rng.uniform(0.4, 1.0)))
     volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
     mesh = volume_surface(volume)
-    placed = Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces)
-    placed = largest_components(
-        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
-    )
+    placed = disentangled(Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces), share=SMALLEST_COMPONENT)
     measured = beneath(field, placed, cell=cell)
     if (np.abs(measured.normals).max(axis=1) == 0).mean() > 0.2:
         raise UnfitShapeError("too much of the reconstruction is not near the shape")

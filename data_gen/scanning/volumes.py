@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_direction, random_rotation
@@ -200,10 +199,7 @@ def measured_surface(
     rng: np.random.Generator,
 ) -> Measured:
     """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its ground truth."""
-    placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
-    placed = largest_components(
-        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
-    )
+    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
     if kept < 1:
         evenness = float(10 ** rng.uniform(-4, -1))
         placed = thinned(placed, faces=round(kept * len(placed.faces)), evenness=evenness)

@@ -19,7 +19,7 @@ from cascadenorm.data_gen.shapes.fields import (
     union,
 )
 from cascadenorm.data_gen.shapes.placement import aligned, around, bent, moved, random_rotation, tapered, twisted
-from cascadenorm.data_gen.shapes.profiles import Profile, disc, extruded, gear, lobed, polygon, rectangle, revolved
+from cascadenorm.data_gen.shapes.profiles import Profile, extruded, gear, lobed, polygon, rectangle, revolved
 from cascadenorm.mesh import Vectors, unit
 
 
@@ -112,15 +112,10 @@ def wheel(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return a gear, pulley, flange or knob: a toothed or lobed disc with hub, bore, keyway, spokes or holes."""
     radius, thick = float(rng.uniform(0.75, 1.1)), float(rng.uniform(0.1, 0.4))
     teeth = int(rng.integers(5, 1 + min(28, int(2 * np.pi * radius / (8 * edge)))))
+    rim: Profile = sphere(radius=radius)
     if rng.random() < 0.75:
-        rim: Profile = gear(
-            teeth=teeth,
-            radius=radius,
-            depth=float(rng.uniform(1, 2.5)) / teeth,
-            slope=float(rng.choice([0, 1.5, 3, 8])),
-        )
-    else:
-        rim = disc(radius=radius)
+        depth, slope = float(rng.uniform(1, 2.5)) / teeth, float(rng.choice([0, 1.5, 3, 8]))
+        rim = gear(teeth=teeth, radius=radius, depth=depth, slope=slope)
     blend, fillet = blend_of(rng, edge=edge, largest=0.1)
     total = extruded(rim, half_height=thick, blend=blend, radius=fillet)
     if rng.random() < 0.3:
