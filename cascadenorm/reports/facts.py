@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
@@ -52,9 +52,9 @@ def _shape(found: Inspection) -> dict[str, str]:
         "faces": f"{found.faces:,}",
         "connected components": f"{found.parts:,}",
         "surface": "closed" if found.closed else f"open, {counted(found.boundary_loops, 'boundary loop')}",
-        "self-intersecting faces": _counted(found.crossing_faces),
-        "spikes": _counted(found.spikes),
-        "small components": _counted(found.small_components),
+        "self-intersecting faces": count_of(found.crossing_faces),
+        "spikes": count_of(found.spikes),
+        "small components": count_of(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),
         "mean edge length (mesh units)": _number(found.mean_edge_length),
         "area (mesh units²)": _number(found.area),
@@ -118,24 +118,18 @@ def version_rows(done: DenoisingSummary | None) -> Rows:
     return rows
 
 
-class Recipe(Protocol):
-    """The inputs of a result, as in `DenoisingSummary`."""
+class Recipe(NamedTuple):
+    """Names and settings that reproduce a file, with arrays named by their files."""
 
-    @property
-    def source(self) -> str: ...
-    @property
-    def output(self) -> str: ...
-    @property
-    def method(self) -> str: ...
-    @property
-    def parameters(self) -> dict[str, Any]: ...
-    @property
-    def strength(self) -> float: ...
-    @property
-    def controls(self) -> dict[str, Any]: ...
+    source: str
+    output: str
+    method: str
+    parameters: dict[str, Any]
+    strength: float
+    controls: dict[str, Any]
 
 
-def command_line(done: Recipe) -> str:
+def command_line(done: DenoisingSummary | Recipe) -> str:
     """Return the command that reproduces the file."""
     words = ["cascadenorm", "denoise", done.source, "-o", done.output, "--method", done.method]
     parameters = {name: value for name, value in done.parameters.items() if name != "model"}
@@ -151,7 +145,7 @@ def command_line(done: Recipe) -> str:
     return shlex.join(words)
 
 
-def python_call(done: Recipe) -> str:
+def python_call(done: DenoisingSummary | Recipe) -> str:
     """Return the Python call that reproduces the file."""
     controls = {"strength": done.strength, **done.controls}
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}
@@ -174,7 +168,8 @@ def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Ins
     return said
 
 
-def _counted(found: Found | None) -> str:
+def count_of(found: Found | None) -> str:
+    """Return the number of places of a finding."""
     return "not checked" if found is None else f"{found.count:,}"
 
 

@@ -27,24 +27,24 @@ def page(
     sections: Iterable[tuple[str, str]],
     *,
     tiles: Sequence[Tile] = (),
-    picture: str,
-    caption: str,
-    scene: Mapping[str, Any],
+    picture: str = "",
+    caption: str = "",
+    scene: Mapping[str, Any] | None = None,
 ) -> str:
     """Return the page: a title, a paragraph for each sentence of the summary, tiles, the viewer, and sections.
 
     Sections are titles and their HTML. The picture, an SVG element, and its caption stand in for the viewer of the
-    scene where scripts do not run.
+    scene where scripts do not run. Without a scene, there is no viewer.
     """
-    viewer = f'<div id="viewer">{image(picture, caption)}</div>'
-    return _html(title, summary, sections, tiles=tiles, before=viewer, after=_scripts(scene))
-
-
-def plain_page(
-    title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]], *, tiles: Sequence[Tile] = ()
-) -> str:
-    """Return a page without a viewer; parameters are those of `page`."""
-    return _html(title, summary, sections, tiles=tiles)
+    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
+    content = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
+    body = f"""<header class="top"><h1>{escape(title)}</h1>{paragraphs}{_tiles(tiles)}</header>
+<main>
+{"" if scene is None else _viewer(picture, caption)}
+{content}
+</main>
+{"" if scene is None else _scripts(scene)}"""
+    return _document(title, "<body>", body)
 
 
 def frame_page(scene: Mapping[str, Any], picture: str, caption: str, *, color: str) -> str:
@@ -55,18 +55,12 @@ def frame_page(scene: Mapping[str, Any], picture: str, caption: str, *, color: s
     first = "history.replaceState = () => {};"  # a frame has no address of its own
     if color:
         first += f" location.hash = {json.dumps(f'color={color}')};"
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-{_head(caption)}
-</head>
-<body class="frame">
-<main><div id="viewer">{image(picture, caption)}</div></main>
-<script>{first}</script>
-{_scripts(scene)}
-</body>
-</html>
-"""
+    body = f"<main>{_viewer(picture, caption)}</main>\n<script>{first}</script>\n{_scripts(scene)}"
+    return _document(caption, '<body class="frame">', body)
+
+
+def _viewer(picture: str, caption: str) -> str:
+    return f'<div id="viewer">{image(picture, caption)}</div>'
 
 
 def _scripts(scene: Mapping[str, Any]) -> str:
@@ -74,46 +68,27 @@ def _scripts(scene: Mapping[str, Any]) -> str:
     return f'<script type="application/json" id="scene">{data}</script>\n<script>{_file("viewer.js")}</script>'
 
 
-def _head(title: str) -> str:
-    return f"""<meta charset="utf-8">
+def _document(title: str, tag: str, body: str) -> str:
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}">
 <title>{escape(title)}</title>
 <link rel="icon" href="data:,">
-<style>{_file("report.css")}</style>"""
+<style>{_file("report.css")}</style>
+</head>
+{tag}
+{body}
+</body>
+</html>
+"""
 
 
 def _file(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
-
-
-def _html(
-    title: str,
-    summary: Iterable[str],
-    sections: Iterable[tuple[str, str]],
-    *,
-    tiles: Sequence[Tile],
-    before: str = "",
-    after: str = "",
-) -> str:
-    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
-    body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-{_head(title)}
-</head>
-<body>
-<header class="top"><h1>{escape(title)}</h1>{paragraphs}{_tiles(tiles)}</header>
-<main>
-{before}
-{body}
-</main>
-{after}
-</body>
-</html>
-"""
 
 
 def _tiles(tiles: Sequence[Tile]) -> str:

@@ -6,8 +6,8 @@ to the moved vertices as before.
 
 import copy
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +25,7 @@ from cascadenorm.io.gltf.document import check_lists, document_of, encoded, pars
 from cascadenorm.io.gltf.patching import Patching, PrimitivePlace
 from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
 from cascadenorm.io.hole_patches import HolePatches
+from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -359,17 +360,10 @@ def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
 
 
-@contextmanager
-def _explained() -> Iterator[None]:
+def _explained() -> AbstractContextManager[None]:
     """Convert errors from documents of an unexpected form to ReadError."""
-    try:
-        yield
-    except ReadError:
-        raise
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
-        raise ReadError(
-            f"the JSON of this file is not valid glTF 2 ({type(error).__name__}: {error}): export the file again"
-        ) from None
+    problem = "the JSON of this file is not valid glTF 2"
+    return explained(problem, hint="export the file again", said=lambda error: f"{type(error).__name__}, {error}")
 
 
 class GltfFile(GltfContainer):
