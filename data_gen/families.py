@@ -95,10 +95,8 @@ class ShapeFamily:
         of the result are equal.
         """
         if self.shape is None:
-            made = (
-                cad_part(faces=faces, rng=rng) if self.part == "tessellation" else structured_mesh(faces=faces, rng=rng)
-            )
-            return Measured.on_surface(made, made)
+            mesh = (cad_part if self.part == "tessellation" else structured_mesh)(faces=faces, rng=rng)
+            return Measured.on_surface(mesh, mesh)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
         field = self.shape(float(np.sqrt(2.3 * area / (faces * finer))), rng)
@@ -113,13 +111,13 @@ class ShapeFamily:
             return tetrahedral_surface(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "points":
             return reconstruction(field, extent, faces=faces, level=level, rng=rng)
-        if self.part == "view":
-            mesh = view(field, extent, faces=faces, rng=rng)
-        elif self.part == "laser":
-            mesh = view(field, extent, faces=faces, rng=rng, ratio=log_uniform((1.0, WIDEST_STEPS), rng=rng))
+        if self.part in ("view", "laser"):
+            ratio = log_uniform((1.0, WIDEST_STEPS), rng=rng) if self.part == "laser" else 1.0
+            mesh = view(field, extent, faces=faces, rng=rng, ratio=ratio)
         elif self.part == "isosurface":
             mesh = isosurface(field, extent, faces=faces, rng=rng)
-        elif self.part == "decimated":
+        elif self.part in ("low-poly", "decimated"):
+            finer = finer if self.part == "decimated" else rng.uniform(2.5, 6)
             fine = polygonised(field, extent, faces=round(faces * finer), sharp=self.sharp, rng=rng)
             mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
         elif self.part == "subdivided":
@@ -128,9 +126,6 @@ class ShapeFamily:
         elif self.part == "piece":
             extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
-        elif self.part == "low-poly":
-            fine = polygonised(field, extent, faces=round(faces * rng.uniform(2.5, 6)), sharp=self.sharp, rng=rng)
-            mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
         else:
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
         return Measured.on_surface(mesh, mesh)

@@ -1,6 +1,6 @@
 """Format-independent content: positions, polygons, attributes, labels."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -90,6 +90,12 @@ class Labels(NamedTuple):
     kind: str  # "material", "group", "object", "mesh", or the name of a face property
     values: NDArray[Any]  # (c,) names or numbers, possibly repeated
     of_faces: NDArray[np.int64]  # (p,) row of the value of each polygon; -1 for none
+
+    @classmethod
+    def of_parts(cls, kind: str, names: Sequence[str], sizes: Sequence[int]) -> "Labels":
+        """Label consecutive parts of these numbers of polygons with their names. An empty name is no label."""
+        values, owner = np.array(names, str), np.repeat(np.arange(len(names)), sizes)
+        return cls(kind, values, np.where(values[owner] == "", -1, owner))
 
     def carrying(self, value: str) -> NDArray[np.bool_]:
         """Return (p,) which polygons have a label. A number may be given as text."""

@@ -68,6 +68,15 @@ NEEDS = {
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
 """Lines that identify an OBJ file."""
 
+BEGINNINGS = {
+    **dict.fromkeys((b"ply\n", b"ply\r", b"ply "), "ply"),
+    FREESURFER_MAGIC: FreeSurferFile.format,
+    b"# vtk DataFile": "vtk",
+    b"$MeshFormat": "msh",
+    b"glTF": "glb",
+}
+"""Formats by the first bytes of a file."""
+
 Source = str | os.PathLike[str] | BinaryIO
 
 
@@ -327,20 +336,13 @@ def _sniffed(data: bytes) -> str | None:
     """Detect the format from the content."""
     if is_binary_stl(data):  # its header may begin like another format
         return "stl"
-    if data[:4] in (b"ply\n", b"ply\r", b"ply "):
-        return "ply"
-    if data.startswith(b"# vtk DataFile"):
-        return "vtk"
-    if data.startswith(FREESURFER_MAGIC):
-        return FreeSurferFile.format
-    if data.startswith(b"$MeshFormat"):
-        return "msh"
+    for beginning, format in BEGINNINGS.items():
+        if data.startswith(beginning):
+            return format
     if b"<GIFTI" in data[:1000]:
         return GiftiFile.format
     if b'type="PolyData"' in data[:1000] and b"<VTKFile" in data[:1000]:
         return "vtp"
-    if data[:4] == b"glTF":
-        return "glb"
     if data.lstrip().startswith(b"{") and b'"asset"' in data:
         return "gltf"
     if OFF_HEADER.match(data):

@@ -41,9 +41,13 @@ def file_rows(shown: Sequence[Given]) -> Rows:
 
 def shape_rows(inspected: Sequence[tuple[Given, Inspection]]) -> Rows:
     """Return the properties of the meshes, with a column for each."""
-    columns = [_shape(found) for _, found in inspected]
-    head = ("", *(given.label for given, _ in inspected))
-    return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
+    return _columns([(given.label, _shape(found)) for given, found in inspected])
+
+
+def _columns(columns: Sequence[tuple[str, dict[str, str]]]) -> Rows:
+    """Return a column for each label and its named values."""
+    rows = [(name, *(values[name] for _, values in columns)) for name in columns[0][1]]
+    return [("", *(label for label, _ in columns)), *rows]
 
 
 def _shape(found: Inspection) -> dict[str, str]:
@@ -67,9 +71,7 @@ def _shape(found: Inspection) -> dict[str, str]:
 
 def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
     """Return the errors against the truth, with a column for each mesh."""
-    head = ("", *(given.label for given, _ in measured))
-    columns = [_measured(measures) for _, measures in measured]
-    return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
+    return _columns([(given.label, _measured(measures)) for given, measures in measured])
 
 
 def _measured(measures: Measures) -> dict[str, str]:

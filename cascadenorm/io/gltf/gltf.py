@@ -39,7 +39,8 @@ would not change what is shown."""
 class Primitive(NamedTuple):
     """Triangles of one material."""
 
-    mesh: int  # number of the mesh
+    mesh: int  # its number
+    number: int  # of the primitive within the mesh
     material: int | None  # its number
     attributes: dict[str, int]  # name -> accessor
     # positions, normals: byte offsets in the buffers. There are either no normals or one for each position.
@@ -80,9 +81,9 @@ class GltfContainer(MeshFile):
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
         self._accessors = Accessors(document, self._buffers, len(self.data))
         self._primitives = [
-            self._primitive(number, primitive)
-            for number, mesh in enumerate(document.get("meshes", []))
-            for primitive in mesh["primitives"]
+            self._primitive(mesh_number, number, primitive)
+            for mesh_number, mesh in enumerate(document.get("meshes", []))
+            for number, primitive in enumerate(mesh["primitives"])
             if "POSITION" in primitive["attributes"]
         ]
         self._stored = StoredVectors.joined([p.positions for p in self._primitives])
@@ -147,7 +148,7 @@ class GltfContainer(MeshFile):
             meshes[self._rows(primitive)] = primitive.mesh
         return meshes
 
-    def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
+    def _primitive(self, mesh: int, number: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
         positions = self._accessors.vectors(attributes["POSITION"])
         normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else StoredVectors.joined([])
@@ -160,6 +161,7 @@ class GltfContainer(MeshFile):
             )
         return Primitive(
             mesh,
+            number,
             primitive.get("material"),
             attributes,
             positions,
@@ -275,16 +277,13 @@ class GltfContainer(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""
-        owner = np.repeat(np.arange(len(self._primitives)), [len(p.triangles) for p in self._primitives])
-        labels = []
+        sizes, labels = [len(p.triangles) for p in self._primitives], []
+        numbers = {"mesh": [p.mesh for p in self._primitives], "material": [p.material for p in self._primitives]}
         with _explained():
-            for kind, numbers in (
-                ("mesh", [p.mesh for p in self._primitives]),
-                ("material", [p.material for p in self._primitives]),
-            ):
-                declared = self._document.get("meshes" if kind == "mesh" else "materials", [])
-                names = np.array(["" if n is None else declared[n].get("name", "") for n in numbers], str)
-                labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
+            for kind, declared in ("mesh", "meshes"), ("material", "materials"):
+                parts = self._document.get(declared, [])
+                names = ["" if n is None else parts[n].get("name", "") for n in numbers[kind]]
+                labels.append(Labels.of_parts(kind, names, sizes))
         return labels
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
@@ -329,16 +328,7 @@ class GltfContainer(MeshFile):
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
 
     def _places(self) -> list[PrimitivePlace]:
-        numbers = [
-            (number, i)
-            for number, mesh in enumerate(self._document.get("meshes", []))
-            for i, primitive in enumerate(mesh["primitives"])
-            if "POSITION" in primitive["attributes"]
-        ]
-        return [
-            PrimitivePlace(*number, self._rows(primitive), len(primitive.triangles))
-            for number, primitive in zip(numbers, self._primitives, strict=True)
-        ]
+        return [PrimitivePlace(p.mesh, p.number, self._rows(p), len(p.triangles)) for p in self._primitives]
 
     def _read_content(self) -> Content:
         with _explained():

@@ -119,8 +119,8 @@ class UsdFile(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes."""
-        names = np.array([mesh.prim.name for mesh in self._meshes])
-        return [Labels("mesh", names, np.repeat(np.arange(len(names)), [len(m.polygons) for m in self._meshes]))]
+        sizes = [len(mesh.polygons) for mesh in self._meshes]
+        return [Labels.of_parts("mesh", [mesh.prim.name for mesh in self._meshes], sizes)]
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
         """Return this layer in another layer format without loss, or None for other formats."""

@@ -195,14 +195,9 @@ class ColladaFile(MeshFile):
     def face_labels(self) -> list[Labels]:
         """Return the symbols of materials and the names of geometries."""
         names = [self._by_id[p.geometry].attributes.get("name", p.geometry) if p.geometry else "" for p in self._parts]
-        owner = np.repeat(np.arange(len(names)), [len(part.polygons) for part in self._parts])
-        labels = []
-        for kind, values in (
-            ("mesh", np.array(names, str)),
-            ("material", np.array([p.material for p in self._parts], str)),
-        ):
-            labels.append(Labels(kind, values, np.where(values[owner] == "", -1, owner)))
-        return labels
+        sizes = [len(part.polygons) for part in self._parts]
+        labels = {"mesh": names, "material": [part.material for part in self._parts]}
+        return [Labels.of_parts(kind, values, sizes) for kind, values in labels.items()]
 
     def _read_content(self) -> Content:
         of_geometry: dict[str, dict[str, list[Part]]] = {}

@@ -162,9 +162,8 @@ class ThreemfFile(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of objects."""
-        names = np.array([found.name for _, found in self._objects], str)
-        owner = np.repeat(np.arange(len(names)), [len(found.triangles) for _, found in self._objects])
-        return [Labels("object", names, np.where(names[owner] == "", -1, owner))]
+        objects = [found for _, found in self._objects]
+        return [Labels.of_parts("object", [one.name for one in objects], [len(one.triangles) for one in objects])]
 
     def _read_content(self) -> Content:
         number = {reference: row for row, (reference, _) in enumerate(self._objects)}
