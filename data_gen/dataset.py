@@ -173,7 +173,7 @@ def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     if family is not None and family.measured and rng.random() < 0.5:
-        level = float(rng.uniform(config.min_level, config.max_level))
+        level = rng.uniform(config.min_level, config.max_level)
     else:
         level = log_uniform((config.min_level, config.max_level), rng=rng)
     return kind, 0.0 if kind == "none" else level

@@ -124,7 +124,7 @@ class ShapeFamily:
             fine = polygonised(field, extent, faces=faces, sharp=self.sharp, rng=rng)
             mesh = subdivided_cage(fine, faces=faces, rng=rng)
         elif self.part == "piece":
-            extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
+            extent, window = cut_out(extent, share=rng.uniform(0.08, 0.4), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
         else:
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)

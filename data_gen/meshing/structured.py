@@ -55,7 +55,7 @@ def _torus(faces: int, rng: np.random.Generator) -> Mesh:
     rows, columns = _numbers(faces, log_uniform((0.7, 5.0), rng=rng))
     u = np.linspace(0, 2 * np.pi, rows, endpoint=False)[:, None]
     v = np.linspace(0, 2 * np.pi, columns, endpoint=False)[None, :]
-    minor = float(rng.uniform(0.12, 0.42)) * (1 + rng.uniform(0, 0.25) * np.cos(int(rng.integers(2, 7)) * v))
+    minor = rng.uniform(0.12, 0.42) * (1 + rng.uniform(0, 0.25) * np.cos(int(rng.integers(2, 7)) * v))
     minor = minor * (1 + rng.uniform(0, 0.2) * np.cos(int(rng.integers(1, 6)) * u))
     distance = 0.75 + minor * np.cos(v)
     height = minor * np.sin(v) + rng.uniform(0, 0.25) * np.sin(int(rng.integers(1, 4)) * u)

@@ -74,7 +74,7 @@ def _impulsive(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vector
 
 
 def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    pattern = drift(wavelength=float(rng.uniform(0.2, 0.8)) * mesh.diagonal, rng=rng)
+    pattern = drift(wavelength=rng.uniform(0.2, 0.8) * mesh.diagonal, rng=rng)
     factor = np.exp(2 * pattern(mesh.vertices))
     return _along_normals(mesh, factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor)))
 
@@ -94,7 +94,7 @@ def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vecto
     spread = blurred(white, neighbor_means(mesh), round(float(WIDEST_NOISE ** rng.random())))
     spread *= deviation / np.sqrt(np.mean(spread**2))
     error = spread * mesh.vertex_normals if along else spread
-    return np.asarray(error + _normal(mesh, float(rng.uniform(*WHITE_SHARE)) * deviation, rng))
+    return np.asarray(error + _normal(mesh, rng.uniform(*WHITE_SHARE) * deviation, rng))
 
 
 def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:

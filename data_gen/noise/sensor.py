@@ -27,7 +27,7 @@ def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generat
     closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
     toward = random_direction(rng=rng) if closed else unit(mean[None])[0]
     depth = -mesh.vertices @ toward
-    distance = depth + float(rng.uniform(1.5, 6)) * mesh.diagonal - depth.mean()
+    distance = depth + rng.uniform(1.5, 6) * mesh.diagonal - depth.mean()
     return np.asarray(camera_errors(distance, mesh, deviation, rng=rng)[:, None] * toward)
 
 
@@ -44,7 +44,7 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     seen = blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
     # The rounding step applies to the disparity, 1 / distance.
     step = np.sqrt(12) * rounding * HIGHEST_STEPS ** rng.uniform() / np.mean(distance) ** 2
-    phase = float(rng.random())
+    phase = rng.random()
     rounded = 1 / (step * np.maximum(np.round(1 / (seen * step) + phase) - phase, 0.5))
     return distance - blurred(rounded, blur, int(rng.integers(0, 3)))
 

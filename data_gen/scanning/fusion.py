@@ -35,12 +35,12 @@ def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng
     """
     around = bool(rng.random() < 0.5)
     spacing = float(np.sqrt(2.3 * LIT[around] * extent.area / faces))
-    step = spacing * float(rng.uniform(0.6, 1.6))
+    step = spacing * rng.uniform(0.6, 1.6)
     deviation = level * spacing * (0.5 if around else 1.0)
-    truncation = spacing * float(rng.uniform(2.5, 5)) + 2 * deviation
+    truncation = spacing * rng.uniform(2.5, 5) + 2 * deviation
     distance = float(rng.choice(DISTANCES))
     facing = random_rotation(rng=rng)
-    spread = np.pi if around else float(rng.uniform(0, TURNED))
+    spread = np.pi if around else rng.uniform(0, TURNED)
     smooth = bool(rng.random() < 0.5)
     images = []
     for _ in range(round(IMAGES * 2 ** rng.random() if around else IMAGES ** rng.random())):

@@ -42,7 +42,7 @@ def reconstruction(
     nodes = grid(half, np.full(3, cell)) + extent.middle
     screening = float(np.exp(rng.uniform(np.log(0.2), np.log(10))))
     gap = float(np.sqrt(extent.area / count) / cell)  # distance between points, in cells
-    width = max(0.6, gap * float(rng.uniform(0.4, 1.0)))
+    width = max(0.6, gap * rng.uniform(0.4, 1.0))
     volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
     mesh = volume_surface(volume)
     placed = disentangled(Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces), share=SMALLEST_COMPONENT)
@@ -60,7 +60,7 @@ def sampled_points(
     Returns (n, 3) points and (n, 3) unit normals that err by up to about 20 degrees.
     """
     axis = random_direction(rng=rng)
-    density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
+    density = np.exp(rng.uniform(0, 1.2) * (rough.face_normals @ axis))  # one side is seen better
     weights = rough.areas * density
     face = rng.choice(len(weights), count, p=weights / weights.sum())
     weight = rng.dirichlet(np.ones(3), count)
@@ -69,7 +69,7 @@ def sampled_points(
     normals = unit(gradients(field, points, step=1e-3 * size))
     gap = np.sqrt(rough.area / count)
     points = points + (level * gap * rng.normal(size=count))[:, None] * normals
-    normals = unit(normals + float(rng.uniform(0, 0.35)) * rng.normal(size=normals.shape))
+    normals = unit(normals + rng.uniform(0, 0.35) * rng.normal(size=normals.shape))
     astray = rng.random(count) < OUTLIER_POINTS * rng.random()
     points[astray] += 3 * gap * rng.normal(size=(int(astray.sum()), 3))
     return points, normals

@@ -31,7 +31,7 @@ def tetrahedral_surface(
     voxel = float(np.sqrt(FACES_PER_VOXEL_SIDE * extent.area / faces))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     distance = sampled(field, nodes) / voxel
-    grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(*GRAIN)))
+    grain = gaussian_filter(rng.normal(size=distance.shape), rng.uniform(*GRAIN))
     mesh = marching_tetrahedra(0.5 - distance + level / 3 * grain / grain.std())
     return measured_surface(field, mesh, nodes, axes, cell=voxel, kept=1.0, rng=rng)
 

@@ -38,7 +38,7 @@ def segmentation(
     In slices, voxels are 1.5 to 4 times as long along one axis of the lattice as along the others. Raises
     UnfitShapeError if the mask is empty.
     """
-    stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
+    stretch = rng.uniform(1.5, 4) if slices else 1.0
     voxel_faces = bool(rng.random() < VOXEL_FACES)
     nets, kept = (True, 1.0) if voxel_faces else _mesher(rng=rng)
     voxel = float(np.sqrt(STEPPED * (NETS if nets else 1) * extent.area / (faces / kept) / stretch**0.6))
@@ -59,10 +59,10 @@ def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume
     if not slices and rng.random() < ENLARGED:
         return _enlarged(distance, binary=bool(rng.random() < 0.6))
     if rng.random() < 0.3:  # an uncertain boundary, as from a noisy image or manual segmentation
-        grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(0.5, 1.5)))
-        distance = distance + float(rng.uniform(0.1, 0.6)) * grain / grain.std()
+        grain = gaussian_filter(rng.normal(size=distance.shape), rng.uniform(0.5, 1.5))
+        distance = distance + rng.uniform(0.1, 0.6) * grain / grain.std()
     if slices and rng.random() < 0.3:  # each slice is segmented independently
-        distance = distance + float(rng.uniform(0.1, 0.5)) * rng.normal(size=distance.shape[2])
+        distance = distance + rng.uniform(0.1, 0.5) * rng.normal(size=distance.shape[2])
     volume = (distance < 0).astype(np.float64)
     if rng.random() < 0.25:  # an antialiased or smoothed mask
         volume = gaussian_filter(volume, rng.uniform(0.3, 0.8, 3))
@@ -88,11 +88,11 @@ def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, 
     steps = voxel * np.array([1.0, 1.0, stretch])
     nodes, axes = random_lattice(extent, steps, rng=rng)
     share = np.clip(0.5 - sampled(field, nodes) / voxel, 0, 1)  # approximate share of a voxel that the shape fills
-    spread = float(rng.uniform(0.4, 1.4))
+    spread = rng.uniform(0.4, 1.4)
     blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
-    grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
+    grain = gaussian_filter(rng.normal(size=blurred.shape), rng.uniform(0.3, 1.3))
     volume = blurred + 0.2 * level * grain / grain.std()
-    threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
+    threshold = 0.5 + rng.uniform(-0.08, 0.08)
     volume -= threshold - 0.5
     mesh = surface_nets(volume) if nets else volume_surface(volume)
     return measured_surface(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
@@ -101,7 +101,7 @@ def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, 
 def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
     """Draw whether surface nets mesh a volume instead of marching cubes, and the share of faces that are kept."""
     nets = bool(rng.random() < 0.25)
-    return nets, float(rng.uniform(0.3, 0.8)) if rng.random() < DECIMATED else 1.0
+    return nets, rng.uniform(0.3, 0.8) if rng.random() < DECIMATED else 1.0
 
 
 def volume_surface(volume: Volume) -> Mesh:

@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
@@ -101,14 +102,7 @@ def _matrix(node: dict[str, Any]) -> Matrix:
     """Return the transform of a node."""
     if "matrix" in node:
         return np.array(node["matrix"], float).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    turn = np.array(
-        [
-            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-        ]
-    )
+    turn = scipy.spatial.transform.Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
     matrix = np.eye(4)
     matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), float)
     matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
