@@ -1,6 +1,6 @@
 """Sample a field on a lattice, only near the surface.
 
-The lattice may be jittered and stretched.
+The lattice may be jittered.
 """
 
 from typing import NamedTuple
@@ -25,8 +25,7 @@ class Lattice(NamedTuple):
 
 
 def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
-           stretch: ArrayLike = (1.0, 1.0, 1.0), turn: Vectors | None = None, open_boundary: bool = False,
-           rng: np.random.Generator) -> Lattice:  # fmt: skip
+           turn: Vectors | None = None, open_boundary: bool = False, rng: np.random.Generator) -> Lattice:  # fmt: skip
     """Evaluate a field on a lattice over a box.
 
     Parameters
@@ -37,16 +36,13 @@ def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing:
         Mean length of the lattice's edges.
     jitter
         Largest random displacement of the nodes, relative to the spacing.
-    stretch
-        Relative edge lengths along the lattice's axes.
     turn
         Rotation of the lattice's axes about the middle of the box.
     open_boundary
         Whether the surface ends at the border of the lattice instead of being closed there.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
-    steps = np.asarray(stretch, np.float64)
-    steps = spacing * steps / steps.prod() ** (1 / 3)
+    steps = np.full(3, spacing)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     if turn is not None and not open_boundary:
         half = np.abs(turn.T) @ half
