@@ -95,7 +95,8 @@ class ShapeFamily:
         of the result are equal.
         """
         if self.shape is None:
-            mesh = (cad_part if self.part == "tessellation" else structured_mesh)(faces=faces, rng=rng)
+            parametric = self.part != "tessellation"
+            mesh = structured_mesh(faces=faces, rng=rng) if parametric else cad_part(faces=faces, rng=rng)
             return Measured.on_surface(mesh, mesh)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0

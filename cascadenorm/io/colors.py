@@ -40,7 +40,7 @@ def as_bytes(fractions: NDArray[Any]) -> NDArray[np.uint8]:
 class Look(NamedTuple):
     """Colours (k, 3) as fractions in float32, texture coordinates (k, 2), and the names of the values they contain."""
 
-    colors: NDArray[np.float32] | None
+    colors: NDArray[Any] | None
     texture: NDArray[Any] | None
     names: tuple[str, ...]
 

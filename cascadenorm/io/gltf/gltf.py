@@ -277,8 +277,11 @@ class GltfContainer(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""
-        sizes, labels = [len(p.triangles) for p in self._primitives], []
-        numbers = {"mesh": [p.mesh for p in self._primitives], "material": [p.material for p in self._primitives]}
+        sizes, labels = [len(p.triangles) for p in self._primitives], list[Labels]()
+        numbers: dict[str, list[int | None]] = {
+            "mesh": [p.mesh for p in self._primitives],
+            "material": [p.material for p in self._primitives],
+        }
         with _explained():
             for kind, declared in ("mesh", "meshes"), ("material", "materials"):
                 parts = self._document.get(declared, [])
