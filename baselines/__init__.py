@@ -1,5 +1,6 @@
 """The classical denoising methods, one module per family; importing this package registers them."""
 
+# ruff: noqa: F401
 from cascadenorm.baselines import (
     anisotropic_diffusion,
     bilateral_normal,
@@ -20,24 +21,3 @@ from cascadenorm.baselines import (
     tgv_normal,
     tv_normal,
 )
-
-__all__ = [
-    "anisotropic_diffusion",
-    "bilateral_normal",
-    "bilateral_normal_global",
-    "bilateral_vertex",
-    "curvature_flow",
-    "diffusion",
-    "fairing",
-    "guided_normal",
-    "l0",
-    "mean_normal",
-    "median_normal",
-    "prescribed_mean_curvature",
-    "rolling_guidance",
-    "spectral",
-    "static_dynamic_normal",
-    "taubin",
-    "tgv_normal",
-    "tv_normal",
-]

@@ -7,13 +7,7 @@ import numpy as np
 
 from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse, flowed
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.laplacians import (
-    Laplacian,
-    assemble,
-    cotangent_laplacian,
-    intrinsic_lengths,
-    vertex_masses,
-)
+from cascadenorm.geometry.laplacians import Laplacian, assemble, cotangent_laplacian, intrinsic_lengths, vertex_masses
 from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
@@ -72,17 +66,9 @@ def diffused_vertex_normals(mesh: Mesh, presmoothing: float) -> Vectors:
 def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> Laplacian:
     """Return div(a grad) with a = Σ g(κ_i) d_i d_iᵀ in each face, and g(κ) = 1 / (1 + (κ l_e / threshold)²).
 
-    Curvatures κ_i and directions d_i are those of the normals' linear interpolation over the face. The stiffness is
-    positive semidefinite; as the threshold goes to infinity it becomes the cotangent Laplacian.
-
-    Parameters
-    ----------
-    mesh
-        n vertices; degenerate faces are mollified.
-    normals
-        (n, 3) unit vertex normals.
-    threshold
-        Curvature at which diffusion is halved, in radians per mean edge length l_e.
+    Curvatures κ_i and directions d_i are those of the linear interpolation of the normals, (n, 3) unit vectors, over
+    the face. The threshold is in radians per mean edge length l_e. The stiffness is positive semidefinite; as the
+    threshold goes to infinity it becomes the cotangent Laplacian. Degenerate faces are mollified.
     """
     lengths = intrinsic_lengths(mesh)
     weights, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))

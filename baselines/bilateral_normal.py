@@ -94,14 +94,9 @@ def bilateral_normals(
 
 
 def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] | None = None) -> NDArray[Any]:
-    """Area times Gaussian of the distance of centroids, for each neighbour in `rings`.
+    """Area times Gaussian of the distance of centroids, for each neighbour in `rings`; σ_s is in mean edge lengths.
 
-    Parameters
-    ----------
-    sigma_s
-        In mean edge lengths.
-    areas
-        (m,) in place of those of the faces; the weights have their type.
+    Areas (m,) replace those of the faces; the weights have their type.
     """
     areas = mesh.areas if areas is None else areas
     weights = np.empty(len(rings.indices), areas.dtype)
@@ -134,13 +129,7 @@ def joint_bilateral_pass(
 
 @kernel
 def _spatial_weights(
-    start: int,
-    stop: int,
-    centroids: Vectors,
-    areas: Floats,
-    rings: Csr,
-    spread: float,
-    weights: Floats,
+    start: int, stop: int, centroids: Vectors, areas: Floats, rings: Csr, spread: float, weights: Floats
 ) -> None:
     for f in range(start, stop):
         for k in range(rings.indptr[f], rings.indptr[f + 1]):

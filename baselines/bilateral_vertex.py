@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
-from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, row_distances, unit
 from cascadenorm.mesh.vectors import dot, row, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 
@@ -95,10 +95,10 @@ def vertex_normals(mesh: Mesh) -> Vectors:
 
 def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
     """Return (n,) the length of the shortest edge at each vertex; 0 without any."""
-    neighbors: Csr = mesh.topology.vertex_neighbors
-    lengths = np.empty(len(mesh.vertices))
-    parallel_for(len(lengths), _shortest_edges, mesh.vertices, neighbors, lengths)
-    return lengths
+    least, lengths = np.full(len(mesh.vertices), np.inf), row_distances(mesh.vertices, mesh.topology.edges)
+    for ends in mesh.topology.edges.T:
+        np.minimum.at(least, ends, lengths)
+    return np.where(np.isinf(least), 0.0, least)
 
 
 @kernel
@@ -207,12 +207,3 @@ def _projection_means(
         out[i, 0] = vertices[i, 0] + x / total
         out[i, 1] = vertices[i, 1] + y / total
         out[i, 2] = vertices[i, 2] + z / total
-
-
-@kernel
-def _shortest_edges(start: int, stop: int, vertices: Vectors, neighbors: Csr, lengths: Floats) -> None:
-    for i in range(start, stop):
-        least = np.inf
-        for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
-            least = min(least, squared_distance(row(vertices, neighbors.indices[k]), row(vertices, i)))
-        lengths[i] = np.sqrt(least) if neighbors.indptr[i] < neighbors.indptr[i + 1] else 0.0

@@ -147,11 +147,8 @@ def flowed(
 ) -> Vectors:
     """Take one step of x_t = Δx, in which boundary vertices move off the surface but not along it.
 
-    Without a boundary it is a step of `diffuse`, whose parameters these are.
-
-    Returns
-    -------
-    (n, 3); vertices outside the region, and those without a face, stay
+    Without a boundary it is a step of `diffuse`, whose parameters these are. Vertices outside the region, and those
+    without a face, stay.
     """
     held = laplacian.mass == 0 if region is None else ~region | (laplacian.mass == 0)
     boundary = np.flatnonzero(mesh.topology.boundary_vertices)

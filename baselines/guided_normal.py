@@ -10,10 +10,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from cascadenorm.baselines.bilateral_normal import (
-    joint_bilateral_pass,
-    spatial_weights,
-)
+from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass, spatial_weights
 from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
 from cascadenorm.baselines.vertex_update import Sweeps
 from cascadenorm.execution.progress import track
@@ -122,17 +119,8 @@ def _of_patch(
 ) -> Vectors:
     """Return the normals of a patch after one pass; neighbours are those of the mesh as it was given.
 
-    Parameters
-    ----------
-    edge
-        Mean edge length of the whole mesh as it was given.
-    start
-        (k, 3) vertices of the patch as they were given.
-
-    Raises
-    ------
-    TooNarrow
-        A face depends on others beyond the halo.
+    `edge` is the mean edge length of that whole mesh, and `start`, (k, 3), are the vertices of the patch in it. Raises
+    TooNarrow if a face depends on others beyond the halo.
     """
     neighbors = faces_within(patch.mesh.moved(start).with_facts(mean_edge_length=edge), radius)
     around = neighbors if chosen.guidance == "gaussian" else patch.mesh.topology.face_rings(1)
@@ -146,13 +134,8 @@ def _of_patch(
 
 def centroid_distance(mesh: Mesh) -> float:
     """Mean distance of the centroids of faces at an edge, in mean edge lengths: 0.58 for equilateral triangles."""
-    distances = centroid_distances(mesh)
+    distances = row_distances(mesh.centroids, mesh.topology.face_pairs)
     return float(distances.mean() / mesh.mean_edge_length) if distances.any() else 1.0
-
-
-def centroid_distances(mesh: Mesh) -> Floats:
-    """Return the distance of the centroids of the two faces at each interior edge."""
-    return row_distances(mesh.centroids, mesh.topology.face_pairs)
 
 
 def faces_within(mesh: Mesh, radius: float) -> Csr:
@@ -247,13 +230,7 @@ def _patch_statistics(
 
 @kernel
 def _choose_patch(
-    start: int,
-    stop: int,
-    inconsistency: Floats,
-    means: Vectors,
-    normals: Vectors,
-    rings: Csr,
-    guide: Vectors,
+    start: int, stop: int, inconsistency: Floats, means: Vectors, normals: Vectors, rings: Csr, guide: Vectors
 ) -> None:
     """The first of the least wins, the neighbours in their order and the face itself last; its own normal if zero."""
     for f in range(start, stop):

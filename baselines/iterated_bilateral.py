@@ -24,25 +24,15 @@ def iterated_bilateral_normals(
     """Return the normals after each number of bilateral passes over one ring, for each σ_r.
 
     In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on: without an exponential
-    all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour.
-
-    Parameters
-    ----------
-    mesh
-        m faces; σ_s is one mean edge length.
-    sigma_r
-        Range spreads, chords between unit normals; infinity leaves the range weight out.
-    passes
-        p numbers of passes, ascending.
-    out
-        (m, 1 + 4 p, 3), what is returned; None: a new array.
+    all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour. σ_r are spreads of chords between unit
+    normals; infinity leaves the range weight out. σ_s is one mean edge length. The p numbers of passes ascend.
 
     Returns
     -------
-    (m, 1 + 4 p, 3) : the face normal first, then the σ_r in their order within the numbers of passes
+    (m, 1 + 4 p, 3), which is `out` if that is given: the face normal, then each σ_r within each number of passes.
     """
     rings, own, weights = _ring_weights(mesh)
-    steepness = _range_steepness(sigma_r)
+    steepness = (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)  # range weight: (1 - steepness · chord²)^8
     assert len(steepness) == LANES
     normals = np.repeat(mesh.face_normals.astype(np.float32)[:, :, None], LANES, axis=2)
     after = np.empty_like(normals)
@@ -55,11 +45,6 @@ def iterated_bilateral_normals(
             first = 1 + LANES * passes.index(done + 1)
             parallel_for(len(normals), _keep_range, normals, out[:, first : first + LANES])
     return out
-
-
-def _range_steepness(sigma_r: tuple[float, ...]) -> NDArray[np.float32]:
-    """Factors of the squared chord in the range weights, (1 - steepness · chord²)^8."""
-    return (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)
 
 
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:

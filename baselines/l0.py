@@ -86,24 +86,12 @@ def l0(
 
 
 class EdgeSystem(NamedTuple):
-    """Positions of the edges' entries in the symmetric matrix of the vertices.
+    """Positions of the edges' entries in the symmetric matrix of the vertices."""
 
-    Parameters
-    ----------
-    pattern
-        Sparsity pattern with n rows, columns ascending, including the diagonal.
-    quads
-        (e, 4) vertices of each edge.
-    slots
-        (e, 4, 4) entry of the pattern for each pair of these vertices.
-    diagonal
-        (n,) entry of the pattern on the diagonal.
-    """
-
-    pattern: Csr
-    quads: NDArray[np.int32]
-    slots: NDArray[np.int32]
-    diagonal: NDArray[np.int32]
+    pattern: Csr  # sparsity pattern with n rows, columns ascending, including the diagonal
+    quads: NDArray[np.int32]  # (e, 4) vertices of each edge
+    slots: NDArray[np.int32]  # (e, 4, 4) entry of the pattern for each pair of these vertices
+    diagonal: NDArray[np.int32]  # (n,) entry of the pattern on the diagonal
 
 
 def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:

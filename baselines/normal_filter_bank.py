@@ -30,25 +30,19 @@ def filtered_normals(
 
     Parameters
     ----------
-    mesh
-        Mesh with m faces.
     guides
         (s, m, 3) unit normals, one field for each σ_s. The range weight depends on the chords between them.
-    sigma_s
-        Spatial spreads, in mean edge lengths.
-    sigma_r
-        Range spreads, chords between unit normals. Infinity disables the range weight.
+    sigma_s, sigma_r
+        Spreads of the distance, in mean edge lengths, and of chords between unit normals. Infinity disables the range
+        weight.
     cutoff
         Radius of each filter in units of σ_s. The filter sums over faces with centroids within this radius that are
         connected to the face by such faces, at most MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian.
     rings
-        Number of rings of faces to sum over instead of a radius. Two rings cover less than half of the Gaussian at σ_s
-        = 2.
+        Number of rings of faces to sum over instead. Two rings cover less than half of the Gaussian at σ_s = 2.
 
-    Returns
-    -------
-    (m, s · r, 3) float32 unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the face normal is
-    kept.
+    Returns ------- (m, s · r, 3) float32 unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the
+    face normal is kept.
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     radius = filter_radius(mesh, sigma_s, cutoff) if rings is None else np.inf

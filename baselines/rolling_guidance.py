@@ -63,18 +63,10 @@ def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -
     """Diffuse the face normals evenly, then `iterations` times again, less across edges of what came out last.
 
     One average is n ← (A + tL)⁻¹ A (A + tL)⁻¹ A n over the graph of faces, A their areas. A half-wave as wide as
-    `width` is halved by it, for t = (√2 - 1)(width/π)². The weight of two faces in L is the length of their common
-    edge over the distance d of their centroids across it, times exp(-(width |g_1 - g_2|/d)²/2σ²) with the normals g
-    that guide.
-
-    Parameters
-    ----------
-    width
-        In the unit of the mesh, above 0.
-
-    Returns
-    -------
-    (m, 3), unit; a face whose average vanishes keeps its normal
+    `width`, which is positive and in mesh units, is halved by it, for t = (√2 - 1)(width/π)². The weight of two faces
+    in L is the length of their common edge over the distance d of their centroids across it, times exp(-(width |g_1 -
+    g_2|/d)²/2σ²) with the normals g that guide. Returns (m, 3) unit normals; a face whose average vanishes keeps its
+    normal.
     """
     edge = mesh.mean_edge_length
     areas = np.maximum(mesh.areas, LEAST * edge**2)

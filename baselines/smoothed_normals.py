@@ -23,22 +23,21 @@ def smoothed_normals(
 
     Parameters
     ----------
-    mesh
-        n vertices, m faces.
     along
         (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction.
     passes
         Numbers of passes, ascending.
     sigma_r
         Spread of the weights of neighbours by the chord between directions; infinite: all weigh the same.
-    out
-        (m, p, 3), what is returned; None: a new array.
 
     Returns
     -------
-    (m, p, 3) unit; where a face has no area left, its normal in `mesh`
+    (m, p, 3) unit normals, which is `out` if that is given. A face without area keeps its normal.
     """
-    directions = _vertex_directions(mesh, along)
+    directions = np.empty_like(mesh.vertices)
+    single = np.ascontiguousarray(along, np.float32)  # one type, compiled once
+    parallel_for(len(directions), _direction_range, mesh.topology.vertex_faces, mesh.areas, single, directions)
+    directions = unit(directions)
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
     out = np.empty((len(mesh.faces), len(passes), 3), np.float32) if out is None else out
@@ -48,13 +47,6 @@ def smoothed_normals(
         if done in passes:
             parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.face_normals, out[:, passes.index(done)])
     return out
-
-
-def _vertex_directions(mesh: Mesh, along: Vectors | NDArray[np.float32]) -> Vectors:
-    """Unit sums around each vertex of what its faces have, (m, 3), by their areas: (n, 3)."""
-    sums, along = np.empty_like(mesh.vertices), np.ascontiguousarray(along, np.float32)  # one type, compiled once
-    parallel_for(len(sums), _direction_range, mesh.topology.vertex_faces, mesh.areas, along, sums)
-    return unit(sums)
 
 
 @kernel
@@ -70,13 +62,7 @@ def _direction_range(start: int, stop: int, around: Csr, areas: Floats, along: V
 
 @kernel
 def _smooth_range(
-    start: int,
-    stop: int,
-    positions: Vectors,
-    directions: Vectors,
-    neighbors: Csr,
-    spread: float,
-    after: Vectors,
+    start: int, stop: int, positions: Vectors, directions: Vectors, neighbors: Csr, spread: float, after: Vectors
 ) -> None:
     """One pass; the weight (1 - u/8)^8 stands for e^-u; iteration i alone writes after[i]."""
     for i in range(start, stop):

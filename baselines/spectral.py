@@ -76,22 +76,10 @@ def spectral(
 
 
 def filtered(mesh: Mesh, harmonics: Harmonics, transfer: Transfer, *, rest: float = 1.0) -> Vectors:
-    """Return x' = Σ w(λ_i) <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i).
+    """Return x' = Σ w(λ_i) <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i), (n, 3); vertices without a face stay.
 
-    Parameters
-    ----------
-    mesh
-        n vertices.
-    harmonics
-        Its k lowest eigenpairs.
-    transfer
-        w, from the (k,) eigenvalues to their weights: 1 keeps, 0 drops, more than 1 strengthens.
-    rest
-        Weight of what is above the k harmonics.
-
-    Returns
-    -------
-    (n, 3); vertices without a face stay
+    The transfer function w maps the (k,) eigenvalues to their weights: 1 keeps, 0 drops, more than 1 strengthens.
+    `rest` is the weight of what is above the k harmonics.
     """
     coefficients = harmonics.coefficients(mesh.vertices)
     weights = transfer(harmonics.values)[:, None] - rest

@@ -67,18 +67,9 @@ def static_dynamic_normal(
 
 
 class StaticDynamic:
-    """The energy of the formula of `static_dynamic_normal`, for the normals n* of a mesh and a guidance.
+    """The energy of the formula of `static_dynamic_normal`, for the normals n* of a mesh and a guidance, (m, 3).
 
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
-    guidance
-        (m, 3) normals that weigh pairs of faces.
-    smoothness
-        λ; the sum over pairs is scaled so that the result does not depend on how many there are.
-    sigma_s, sigma_g, sigma_r
-        Spreads over distance, in mean edge lengths, and over the chords of the guidance and of the normals.
+    The sum over pairs is scaled so that the result does not depend on how many there are. σ_s is in mean edge lengths.
     """
 
     def __init__(

@@ -80,10 +80,7 @@ def _step_range(
 def opposite_step(step: float, pass_band: float) -> float:
     """Return μ = 1 / (k_PB - 1/λ).
 
-    Raises
-    ------
-    ParameterError
-        μ is not negative, or the highest frequency (k = 2) grows: |(1 - 2λ)(1 - 2μ)| > 1.
+    Raises ParameterError if μ is not negative, or if the highest frequency (k = 2) grows: |(1 - 2λ)(1 - 2μ)| > 1.
     """
     if step * pass_band >= 1:
         raise ParameterError(

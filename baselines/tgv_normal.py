@@ -60,24 +60,12 @@ def tgv_normal(
 
 
 class Minimum(NamedTuple):
-    """What the rounds arrive at.
+    """What the rounds arrive at."""
 
-    Parameters
-    ----------
-    normals
-        (m, 3), unit.
-    jumps
-        (e, 3) v of each interior edge.
-    duals
-        (e, 3) multipliers of the differences D n - v; at a minimum their lengths are at most w.
-    corner_duals
-        (c, 3) multipliers of E v; at a minimum their lengths are at most β.
-    """
-
-    normals: Vectors
-    jumps: Vectors
-    duals: Vectors
-    corner_duals: Vectors
+    normals: Vectors  # (m, 3), unit
+    jumps: Vectors  # (e, 3) v of each interior edge
+    duals: Vectors  # (e, 3) multipliers of the differences D n - v; at a minimum their lengths are at most w
+    corner_duals: Vectors  # (c, 3) multipliers of E v; at a minimum their lengths are at most β
 
 
 class GeneralizedVariation:
@@ -130,10 +118,8 @@ def corner_sums(mesh: Mesh) -> tuple[Any, Floats]:
     A jump is the value on the first face at an interior edge less that on the second. With opposite signs where a face
     is the second, both edges at one of its corners together measure 2 u_f - u_g - u_h, with the values u_g and u_h of
     the faces beyond them: the second-order difference of Liu et al. over the line from the corner to the centroid.
-
-    Returns
-    -------
-    (c, e) sparse, a row for each corner between two interior edges; (c,) length of its line, in the unit of the mesh
+    Returns a sparse matrix (c, e), with a row for each corner between two interior edges, and (c,) lengths of the
+    lines.
     """
     topology, count = mesh.topology, len(mesh.faces)
     number = np.full(len(topology.edges), -1)

@@ -68,17 +68,10 @@ def tv_normal(
 
 
 class Minimum(NamedTuple):
-    """A minimiser and its optimality certificate.
+    """A minimiser and its optimality certificate."""
 
-    Parameters
-    ----------
-    values
-        (m, 3) values of the faces, not normalised.
-    duals
-        (e, 3) dual values of the interior edges. At the minimum |y_e| ≤ w_e and 2αA (n - n*) + Dᵀ(l y) = 0.
-    """
-
-    values: Vectors
+    values: Vectors  # (m, 3) values of the faces, not normalised
+    # (e, 3) dual values of the interior edges. At the minimum |y_e| ≤ w_e and 2αA (n - n*) + Dᵀ(l y) = 0.
     duals: Vectors
 
 
@@ -143,21 +136,11 @@ class TotalVariation:
 
 
 class FaceSides(NamedTuple):
-    """The neighbours of each face. A side without exactly one other face has length 0.
+    """The neighbours of each face. A side without exactly one other face has length 0."""
 
-    Parameters
-    ----------
-    across
-        (m, 3) adjacent face, or the face itself.
-    edges
-        (m, 3) row of the edge in the pairs of faces.
-    lengths
-        (m, 3) length of the edge, negative if the face is the second of its pair.
-    """
-
-    across: NDArray[np.int32]
-    edges: NDArray[np.int32]
-    lengths: Floats
+    across: NDArray[np.int32]  # (m, 3) adjacent face, or the face itself
+    edges: NDArray[np.int32]  # (m, 3) row of the edge in the pairs of faces
+    lengths: Floats  # (m, 3) length of the edge, negative if the face is the second of its pair
 
 
 def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> FaceSides:
@@ -207,13 +190,7 @@ def _weights(start: int, stop: int, given: Vectors, pairs: Ints32, weights: Floa
 
 @kernel
 def _right_side(
-    start: int,
-    stop: int,
-    sides: FaceSides,
-    pull: Floats,
-    given: Vectors,
-    ties: Vectors,
-    right: Vectors,
+    start: int, stop: int, sides: FaceSides, pull: Floats, given: Vectors, ties: Vectors, right: Vectors
 ) -> None:
     """Write 2αA n* + Dᵀl (rp - y)."""
     for f in range(start, stop):

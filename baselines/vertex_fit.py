@@ -48,23 +48,9 @@ def least_squares_vertices(mesh: Mesh, normals: Vectors, *, weights: Floats, att
 
     c_f is the centroid of the face and W_i the sum of w_f around a vertex. The first term is a third of
     Σ_f w_f Σ <n_f, x_i - x_j>² over the sides of the face, the least-squares system of Taubin (2001), which Sun et al.
-    (2007) and Zheng et al. (2011) solve by descent; the vertex update has the same stationary points. The attachment
-    makes the solution unique. Nothing keeps faces from flipping.
-
-    Parameters
-    ----------
-    mesh
-        n vertices x⁰, m faces.
-    normals
-        (m, 3), unit; a face with a zero row does not pull.
-    weights
-        (m,) w_f, positive.
-    attachment
-        μ, positive.
-
-    Returns
-    -------
-    (n, 3) float64; a vertex without a face stays
+    (2007) and Zheng et al. (2011) solve by descent; the vertex update has the same stationary points. The attachment μ
+    makes the solution unique. Nothing keeps faces from flipping. The normals are (m, 3) unit vectors, or zero for faces
+    that do not pull, and the weights w_f, (m,), are positive. Returns (n, 3) vertices; one without a face stays.
     """
     count = len(mesh.vertices)
     total = scatter_add(mesh.faces.ravel(), np.repeat(weights, 3), count)

@@ -17,6 +17,7 @@ Weighting = Literal["uniform", "inverse-height"]
 """Weight of each face in the vertex update; see `recover_vertices`."""
 Foldovers = Literal["avoid", "ignore"]
 """Handling of steps that flip faces against their normals; see `recover_vertices`."""
+OVER_RELAXATION = 2.3
 LEAST_HEIGHT = 0.05
 """Height in mean edge lengths below which the weight of a face no longer grows."""
 
@@ -65,7 +66,8 @@ def recover_vertices(
     groups = [colors.row(color) for color in range(len(colors.counts))]
     if movable is not None:
         groups = [group[movable[group]] for group in groups]
-    weights, step, avoid = face_weights(mesh, weighting), _over_relaxation(weighting), foldovers == "avoid"
+    weights, avoid = face_weights(mesh, weighting), foldovers == "avoid"
+    step = OVER_RELAXATION if weighting == "inverse-height" else 1.0  # factor on the published one
     for _ in range(sweeps):
         for mine in groups:
             parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, avoid, around)
@@ -77,11 +79,6 @@ def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
     if weighting == "uniform" or not mesh.mean_edge_length > 0:
         return np.ones(len(mesh.faces))
     return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
-
-
-def _over_relaxation(weighting: Weighting) -> float:
-    """Return the factor on the published step."""
-    return 2.3 if weighting == "inverse-height" else 1.0
 
 
 @kernel

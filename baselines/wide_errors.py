@@ -20,21 +20,10 @@ FINISHING_PASSES = 10
 
 
 def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy], Vectors]) -> Vectors:
-    """Remove errors up to a width: denoise coarse copies, transfer the result, and smooth the facets.
+    """Remove errors up to a width, in mesh units: denoise coarse copies, transfer the result, and smooth the facets.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices, of any kind.
-    width
-        Width of the error, in mesh units. If the copies would not have longer edges than the mesh, the mesh itself is
-        denoised.
-    denoise
-        Returns new vertices of a copy.
-
-    Returns
-    -------
-    (n, 3) mean over the copies. Vertices without a face do not move.
+    If the copies would not have longer edges than the mesh, the mesh itself is denoised. `denoise` returns new vertices
+    of a copy. Returns the mean over the copies, (n, 3). Vertices without a face do not move.
     """
     if max(SHARES) * width <= mesh.mean_edge_length:
         return denoise(CoarseCopy(mesh, np.arange(len(mesh.vertices), dtype=np.int32)))
@@ -51,20 +40,8 @@ def without_steps(
 ) -> Vectors:
     """Denoise a mesh in which some connected components have steps of a known width.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    widths
-        (c,) width of the steps of each connected component from `enlarged_steps`; 0 if there are none.
-    denoise
-        Returns new vertices of the components without steps.
-    denoise_copy
-        Returns new vertices of a copy of the other components.
-
-    Returns
-    -------
-    (n, 3) vertices.
+    The widths, (c,), are those from `enlarged_steps`; 0 for components without steps. `denoise` returns new vertices of
+    these, and `denoise_copy` those of a copy of the others.
     """
     vertices, of_faces = mesh.vertices.copy(), widths[mesh.topology.face_components]
     for width in np.unique(of_faces):

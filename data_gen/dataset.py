@@ -48,15 +48,8 @@ _SHAPE, _NOISE, _OWN = 0, 1, 2
 
 
 USUAL_KINDS: tuple[NoiseKind, ...] = (
-    "normal",
-    "normal",
-    "gaussian",
-    "uniform",
-    "impulsive",
-    "varying",
-    "mixed",
-    "sensor",
-)
+    "normal", "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "sensor",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -116,29 +109,14 @@ class DatasetConfig:
 
 
 class Pair(NamedTuple):
-    """A noisy and a clean mesh with the same faces.
-
-    Parameters
-    ----------
-    noisy
-        Mesh with m faces.
-    clean
-        Mesh with the same faces over the clean vertices.
-    normals
-        (m, 3) true normal of each face; zero where it is unknown.
-    family
-        Name of the family of shapes.
-    noise_kind
-        Kind of the noise.
-    level
-        Noise level in mean edge lengths of the clean mesh. `fused` defines it for meshes from a volume.
-    """
+    """A noisy and a clean mesh with the same faces."""
 
     noisy: Mesh
-    clean: Mesh
-    normals: Vectors
-    family: str
+    clean: Mesh  # with the same m faces
+    normals: Vectors  # (m, 3) true normal of each face; zero where it is unknown
+    family: str  # of shapes
     noise_kind: NoiseKind
+    # Noise level in mean edge lengths of the clean mesh. `fused` defines it for meshes from a volume.
     level: float
 
 
@@ -195,7 +173,7 @@ def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     if family is not None and family.measured and rng.random() < 0.5:
-        level = float(rng.uniform(config.min_level, config.max_level))
+        level = rng.uniform(config.min_level, config.max_level)
     else:
         level = log_uniform((config.min_level, config.max_level), rng=rng)
     return kind, 0.0 if kind == "none" else level
@@ -251,16 +229,8 @@ def write_dataset(
 ) -> None:
     """Write `<index>_<family>/noisy.ply` and `clean.ply` for each pair, and `dataset.json`, which describes them.
 
-    Parameters
-    ----------
-    folder
-        Output folder. It is created if it does not exist; existing files are overwritten.
-    write
-        Function that writes a mesh to a path.
-    workers
-        Number of processes.
-    progress
-        Called with (task, number of finished pairs, total number of pairs) after each pair.
+    The folder is created if it does not exist; existing files are overwritten. `progress` is called with (task, number
+    of finished pairs, total number of pairs) after each pair.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries = []

@@ -88,25 +88,16 @@ class ShapeFamily:
         return self.part in ("view", "laser", "fused")
 
     def make(self, *, faces: int, rng: np.random.Generator, level: float = 0.0) -> Measured:
-        """Draw a shape and make a mesh of about `faces` faces.
+        """Draw a shape and make a mesh of about `faces` faces. Raises UnfitShapeError if one of them is invalid.
 
-        Parameters
-        ----------
-        level
-            Error level of the cameras of a fused mesh, the grain of a tomogram, the distances of a tetrahedral mesh, or
-            the points of a reconstruction. Meshes of other families have no noise, and both meshes of the result are
-            equal.
-
-        Raises
-        ------
-        UnfitShapeError
-            The shape or its mesh is invalid.
+        The level is that of the error of the cameras of a fused mesh, of the grain of a tomogram, of the distances of a
+        tetrahedral mesh, or of the points of a reconstruction. Meshes of other families have no noise, and both meshes
+        of the result are equal.
         """
         if self.shape is None:
-            made = (
-                cad_part(faces=faces, rng=rng) if self.part == "tessellation" else structured_mesh(faces=faces, rng=rng)
-            )
-            return Measured.on_surface(made, made)
+            parametric = self.part != "tessellation"
+            mesh = structured_mesh(faces=faces, rng=rng) if parametric else cad_part(faces=faces, rng=rng)
+            return Measured.on_surface(mesh, mesh)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
         field = self.shape(float(np.sqrt(2.3 * area / (faces * finer))), rng)
@@ -121,24 +112,21 @@ class ShapeFamily:
             return tetrahedral_surface(field, extent, faces=faces, level=level, rng=rng)
         if self.part == "points":
             return reconstruction(field, extent, faces=faces, level=level, rng=rng)
-        if self.part == "view":
-            mesh = view(field, extent, faces=faces, rng=rng)
-        elif self.part == "laser":
-            mesh = view(field, extent, faces=faces, rng=rng, ratio=log_uniform((1.0, WIDEST_STEPS), rng=rng))
+        if self.part in ("view", "laser"):
+            ratio = log_uniform((1.0, WIDEST_STEPS), rng=rng) if self.part == "laser" else 1.0
+            mesh = view(field, extent, faces=faces, rng=rng, ratio=ratio)
         elif self.part == "isosurface":
             mesh = isosurface(field, extent, faces=faces, rng=rng)
-        elif self.part == "decimated":
+        elif self.part in ("low-poly", "decimated"):
+            finer = finer if self.part == "decimated" else rng.uniform(2.5, 6)
             fine = polygonised(field, extent, faces=round(faces * finer), sharp=self.sharp, rng=rng)
             mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
         elif self.part == "subdivided":
             fine = polygonised(field, extent, faces=faces, sharp=self.sharp, rng=rng)
             mesh = subdivided_cage(fine, faces=faces, rng=rng)
         elif self.part == "piece":
-            extent, window = cut_out(extent, share=float(rng.uniform(0.08, 0.4)), rng=rng)
+            extent, window = cut_out(extent, share=rng.uniform(0.08, 0.4), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
-        elif self.part == "low-poly":
-            fine = polygonised(field, extent, faces=round(faces * rng.uniform(2.5, 6)), sharp=self.sharp, rng=rng)
-            mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
         else:
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
         return Measured.on_surface(mesh, mesh)

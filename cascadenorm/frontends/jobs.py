@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Generic, TypeVar
 
 from cascadenorm.execution.progress import Listener
@@ -16,53 +17,35 @@ class Cancelled(Exception):
 class Job(Generic[Result]):
     """A function that runs in its own thread; it must not access data of the host program.
 
-    Parameters
-    ----------
-    work
-        Function called with a progress listener, which raises Cancelled once the job is cancelled.
-
-    Attributes
-    ----------
-    fraction
-        Share of the work that is done, from 0 to 1.
+    It is called with a progress listener, which raises Cancelled once the job is cancelled. `fraction` is the share of
+    the work that is done, from 0 to 1.
     """
 
     def __init__(self, work: Callable[[Listener], Result]) -> None:
-        self.fraction = 0.0
-        self._work, self._cancelled = work, threading.Event()
-        self._result: list[Result] = []
-        self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, name="cascadenorm", daemon=True)
-        self._thread.start()
+        self.fraction, self.cancelled = 0.0, False
+        self._future: Future[Result] = Future()
+        threading.Thread(target=self._run, args=[work], name="cascadenorm", daemon=True).start()
 
     @property
     def done(self) -> bool:
         """Whether the work has ended, successfully or not."""
-        return not self._thread.is_alive()
-
-    @property
-    def cancelled(self) -> bool:
-        """Whether the job was cancelled."""
-        return self._cancelled.is_set()
+        return self._future.done()
 
     def cancel(self) -> None:
         """End the work at its next progress report."""
-        self._cancelled.set()
+        self.cancelled = True
 
     def result(self) -> Result:
         """Wait for the end; return the result of the function or raise its exception, Cancelled after `cancel`."""
-        self._thread.join()
-        if self._error is not None:
-            raise self._error
-        return self._result[0]
+        return self._future.result()
 
-    def _run(self) -> None:
+    def _run(self, work: Callable[[Listener], Result]) -> None:
         try:
-            self._result.append(self._work(self._listen))
+            self._future.set_result(work(self._listen))
         except BaseException as error:
-            self._error = error
+            self._future.set_exception(error)
 
     def _listen(self, fraction: float) -> None:
         self.fraction = fraction
-        if self._cancelled.is_set():
+        if self.cancelled:
             raise Cancelled

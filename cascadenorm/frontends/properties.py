@@ -11,22 +11,12 @@ Filter = type[Any]
 
 
 class Property(NamedTuple):
-    """A property of a filter, with a setter and a getter such as `SetKeepDetail` and `GetKeepDetail`.
+    """A property of a filter, with a setter and a getter such as `SetKeepDetail` and `GetKeepDetail`."""
 
-    Parameters
-    ----------
-    name
-        Name, such as KeepDetail for the control keep_detail or TaubinIterations for iterations of the method taubin.
-    setting
-        Type, default and range.
-    method
-        Name of the method that has this parameter. Empty for a control.
-    help
-        Help text.
-    """
-
+    # Name, such as KeepDetail for the control keep_detail or TaubinIterations for iterations of the method taubin
     name: str
-    setting: Setting
+    setting: Setting  # type, default and range
+    # Name of the method that has this parameter. Empty for a control.
     method: str
     help: str
 

@@ -15,21 +15,11 @@ from cascadenorm.io.interop import as_mesh
 
 
 def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
-    """Return a denoised copy of a dataset; arrays are kept and normals recomputed.
+    """Return a denoised copy of a vtkPolyData of triangles, or of a composite dataset, whose shared walls stay shared.
 
-    Parameters
-    ----------
-    data
-        vtkPolyData of triangles, or a composite dataset of them, whose blocks are denoised together, so that shared
-        walls stay shared.
-    settings
-        Keyword arguments of `denoise`. For a single vtkPolyData, mask and fixed may be names of point arrays, only that
-        of a cell array or array=value, and creases an angle as text.
-
-    Raises
-    ------
-    MeshError, ParameterError
-        As in `denoise`.
+    Arrays are kept and normals recomputed. The settings are keyword arguments of `denoise`. For a single vtkPolyData,
+    mask and fixed may be names of point arrays, only that of a cell array or array=value, and creases an angle as text.
+    Raises MeshError or ParameterError as `denoise` does.
     """
     if isinstance(data, vtkPolyData):
         return denoise(data, **_with_arrays(settings, data))

@@ -58,17 +58,9 @@ def is_special(path: str | os.PathLike[str]) -> bool:
 def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False) -> None:
     """Write pieces to a temporary file beside path, then rename it. On failure path is unchanged.
 
-    Parameters
-    ----------
-    path
-        Output path. A link is followed. A special file, such as a pipe or a device, is written directly.
-    force
-        Whether to replace an existing file, keeping its permissions.
-
-    Raises
-    ------
-    OutputError
-        The file exists and force is not given, or it cannot be written.
+    A link is followed. A special file, such as a pipe or a device, is written directly. With `force`, an existing file
+    is replaced, and keeps its permissions. Raises OutputError if the file exists and force is not given, or if it
+    cannot be written.
     """
     write_together([(path, pieces)], force=force)
 
@@ -76,18 +68,9 @@ def write_atomically(path: Path, pieces: Iterable[Piece], *, force: bool = False
 def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool = False) -> None:
     """Write several files like `write_atomically`. All are complete before the first one is renamed.
 
-    Parameters
-    ----------
-    files
-        Paths and pieces. Files are renamed in this order, so the file that references the others should be last. With
-        `force` a path may occur twice, with an interim and a final content.
-    force
-        Whether to replace existing files.
-
-    Raises
-    ------
-    OutputError
-        A file exists and force is not given, or it cannot be written. No new file is left behind in this case.
+    Files are renamed in the given order, so the file that references the others should be last. With `force` a path may
+    occur twice, with an interim and a final content. Raises OutputError as `write_atomically` does; no new file is left
+    behind in this case.
     """
     for path, _ in files:
         check_output(path, force=force)
@@ -130,14 +113,9 @@ def remove_unfinished(outputs: Iterable[Path]) -> None:
 
 
 def unfinished_name(name: str, owner: Path) -> str:
-    """Return a new name for an incomplete file, from which `remove_unfinished` recognises its output.
+    """Return a new name for an incomplete file with a final name, from which `remove_unfinished` recognises its output.
 
-    Parameters
-    ----------
-    name
-        Final name of the file.
-    owner
-        Output that the file is or belongs to.
+    The owner is the output that the file is or belongs to.
     """
     return f".{name[:NAMED]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
 

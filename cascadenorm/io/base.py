@@ -38,7 +38,7 @@ class MeshFile(ABC):
     polygons
         Faces of the file. Corners are rows of `positions`.
     data
-        Bytes of the file as it was read; empty if there was none.
+        Bytes of the file as it was read.
     folder
         Folder of the files that it references; None if it was read from a stream.
     parts
@@ -93,13 +93,7 @@ class MeshFile(ABC):
         return file
 
     def welding(self: AnyMeshFile, distance: float) -> AnyMeshFile:
-        """Return this file with a `mesh` in which nearby boundary vertices are joined.
-
-        Parameters
-        ----------
-        distance
-            Largest distance between two joined vertices, in the unit of the file.
-        """
+        """Return this file with a `mesh` in which boundary vertices within a distance, in its unit, are joined."""
         file = copy.copy(self)
         file._weld_distance = distance
         for name in ("mesh", "_weld"):

@@ -1,6 +1,6 @@
 """Format-independent content: positions, polygons, attributes, labels."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -55,20 +55,16 @@ class Content:
             left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
         )
 
-    def lost_as_triangles(
-        self, *, of_vertices: Collection[str] = (), of_faces: Collection[str] = (), single: bool = True
-    ) -> list[str]:
-        """Return what is lost in a file of triangles, in words.
-
-        Parameters
-        ----------
-        of_vertices, of_faces
-            Names of the properties that the file keeps.
-        single
-            Whether the file stores positions in single precision.
-        """
+    def lost_values(self, of_vertices: Collection[str] = (), of_faces: Collection[str] = ()) -> list[str]:
+        """Return what is lost in a file that keeps only properties with these names, in words."""
         lost = [f"vertex property '{name}'" for name in self.vertex_values if name not in of_vertices]
-        lost += [f"face property '{name}'" for name in self.face_values if name not in of_faces]
+        return lost + [f"face property '{name}'" for name in self.face_values if name not in of_faces]
+
+    def lost_as_triangles(
+        self, of_vertices: Collection[str] = (), of_faces: Collection[str] = (), *, single: bool = True
+    ) -> list[str]:
+        """Return what is lost in a file of triangles, whose positions may have single precision, in words."""
+        lost = self.lost_values(of_vertices, of_faces)
         if (self.polygons.counts != 3).any():
             lost.append("polygons (cut into triangles)")
         if single and (self.single_positions() != self.positions).any():
@@ -89,21 +85,17 @@ class Content:
 
 
 class Labels(NamedTuple):
-    """Labels of one kind of the faces of a file.
+    """Labels of one kind of the faces of a file."""
 
-    Parameters
-    ----------
-    kind
-        "material", "group", "object", "mesh", or the name of a face property.
-    values
-        (c,) names or numbers, possibly repeated.
-    of_faces
-        (p,) row of the value of each polygon; -1 for none.
-    """
+    kind: str  # "material", "group", "object", "mesh", or the name of a face property
+    values: NDArray[Any]  # (c,) names or numbers, possibly repeated
+    of_faces: NDArray[np.int64]  # (p,) row of the value of each polygon; -1 for none
 
-    kind: str
-    values: NDArray[Any]
-    of_faces: NDArray[np.int64]
+    @classmethod
+    def of_parts(cls, kind: str, names: Sequence[str], sizes: Sequence[int]) -> "Labels":
+        """Label consecutive parts of these numbers of polygons with their names. An empty name is no label."""
+        values, owner = np.array(names, str), np.repeat(np.arange(len(names)), sizes)
+        return cls(kind, values, np.where(values[owner] == "", -1, owner))
 
     def carrying(self, value: str) -> NDArray[np.bool_]:
         """Return (p,) which polygons have a label. A number may be given as text."""

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
-from cascadenorm.io.arrays import ArraysFile
 from cascadenorm.io.atomic import (
     check_output,
     is_special,
@@ -25,20 +24,21 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.freesurfer import EXTENSIONS as FREESURFER
 from cascadenorm.io.freesurfer import MAGIC as FREESURFER_MAGIC
 from cascadenorm.io.freesurfer import FreeSurferFile
-from cascadenorm.io.gifti import GiftiFile, is_nibabel_installed
+from cascadenorm.io.gifti import GiftiFile
 from cascadenorm.io.gltf.glb import GlbFile
 from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
+from cascadenorm.io.libraries import is_installed
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
-from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile, is_vtk_installed
+from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.streams import write_stream
 from cascadenorm.io.urls import is_url
-from cascadenorm.io.usd.usd import USD, is_openusd_installed, layer_format
+from cascadenorm.io.usd.usd import USD, layer_format
 from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
-from cascadenorm.io.vtk import MESHIO, is_installed
+from cascadenorm.io.vtk import MESHIO
 from cascadenorm.io.xml.collada import ColladaFile
 from cascadenorm.io.xml.threemf import ThreemfFile
 from cascadenorm.mesh import Mesh
@@ -48,6 +48,14 @@ FORMATS: dict[str, type[MeshFile]] = {
     kind.format: kind
     for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, ThreemfFile, ColladaFile, FreeSurferFile)
 }
+
+OPTIONAL: dict[str, dict[str, type[MeshFile]]] = {
+    "meshio": {**MESHIO},
+    "vtkmodules": {**POLYDATA},
+    "pxr": {**USD},
+    "nibabel": {GiftiFile.format: GiftiFile},
+}
+"""Formats by the module that reads and writes them."""
 
 NEEDS = {
     **TRIMESH_NEEDS,
@@ -60,6 +68,15 @@ NEEDS = {
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
 """Lines that identify an OBJ file."""
+
+BEGINNINGS = {
+    **dict.fromkeys((b"ply\n", b"ply\r", b"ply "), "ply"),
+    FREESURFER_MAGIC: FreeSurferFile.format,
+    b"# vtk DataFile": "vtk",
+    b"$MeshFormat": "msh",
+    b"glTF": "glb",
+}
+"""Formats by the first bytes of a file."""
 
 Source = str | os.PathLike[str] | BinaryIO
 
@@ -96,7 +113,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
-            if not is_vtk_installed():
+            if not is_installed("vtkmodules"):
                 raise MissingDependencyError("reading PolyData in 'vtk' files", package="pyvista", extra="pyvista")
             kind = LegacyPolyDataFile
         if kind is None:
@@ -269,10 +286,7 @@ def _kind(format: str) -> type[MeshFile] | None:
 
 
 def _further_formats() -> dict[str, type[MeshFile]]:
-    found: dict[str, type[MeshFile]] = dict(MESHIO) if is_installed() else {}
-    found |= POLYDATA if is_vtk_installed() else {}
-    found |= USD if is_openusd_installed() else {}
-    return found | ({GiftiFile.format: GiftiFile} if is_nibabel_installed() else {})
+    return {name: kind for module, kinds in OPTIONAL.items() if is_installed(module) for name, kind in kinds.items()}
 
 
 def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:
@@ -282,7 +296,7 @@ def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], lis
 
 
 def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
-    """Make a file in memory from a mesh. It is written as binary PLY unless another format is requested.
+    """Make a binary PLY file in memory from a mesh.
 
     Parameters
     ----------
@@ -298,7 +312,8 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     """
     mesh = Mesh(vertices, faces)
     kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
-    return ArraysFile(Content(mesh.vertices.astype(kind, copy=False), Polygons.from_rows(mesh.faces.astype(np.int64))))
+    content = Content(mesh.vertices.astype(kind, copy=False), Polygons.from_rows(mesh.faces.astype(np.int64)))
+    return PlyFile(b"".join(PlyFile.encode(content)[0]))
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
@@ -324,20 +339,13 @@ def _sniffed(data: bytes) -> str | None:
     """Detect the format from the content."""
     if is_binary_stl(data):  # its header may begin like another format
         return "stl"
-    if data[:4] in (b"ply\n", b"ply\r", b"ply "):
-        return "ply"
-    if data.startswith(b"# vtk DataFile"):
-        return "vtk"
-    if data.startswith(FREESURFER_MAGIC):
-        return FreeSurferFile.format
-    if data.startswith(b"$MeshFormat"):
-        return "msh"
+    for beginning, format in BEGINNINGS.items():
+        if data.startswith(beginning):
+            return format
     if b"<GIFTI" in data[:1000]:
         return GiftiFile.format
     if b'type="PolyData"' in data[:1000] and b"<VTKFile" in data[:1000]:
         return "vtp"
-    if data[:4] == b"glTF":
-        return "glb"
     if data.lstrip().startswith(b"{") and b'"asset"' in data:
         return "gltf"
     if OFF_HEADER.match(data):

@@ -4,16 +4,16 @@ Other arrays, labels and coordinate systems are kept.
 """
 
 import copy
-import importlib.util
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError, ReadError, reason
+from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
+from cascadenorm.io.libraries import explained
 from cascadenorm.io.unpacking import limited_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
@@ -29,13 +29,8 @@ class GiftiFile(MeshFile):
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         from nibabel.gifti import GiftiImage, parse_gifti_fast
 
-        try:
-            with limited_expansion(len(self.data), parse_gifti_fast):
-                self._image = GiftiImage.from_bytes(self.data)
-        except ReadError:
-            raise
-        except Exception as error:  # the parser raises errors of any type
-            raise ReadError(f"nibabel cannot read this as gii: {reason(error)}") from None
+        with explained("nibabel cannot read this as gii"), limited_expansion(len(self.data), parse_gifti_fast):
+            self._image = GiftiImage.from_bytes(self.data)
         points, triangles = (self._image.get_arrays_from_intent(intent) for intent in (POINTS, TRIANGLES))
         if len(points) != 1 or len(triangles) != 1:
             raise ReadError(
@@ -72,13 +67,6 @@ class GiftiFile(MeshFile):
         return [_bytes_of(GiftiImage(darrays=arrays))], content.lost_as_triangles()
 
 
-def is_nibabel_installed() -> bool:
-    """Whether nibabel is installed."""
-    return importlib.util.find_spec("nibabel") is not None
-
-
 def _bytes_of(image: Any) -> bytes:
-    try:
+    with explained("nibabel cannot write gii", OutputError, hint="choose ply"):
         return bytes(image.to_bytes())
-    except Exception as error:  # the writer raises errors of any type
-        raise OutputError(f"nibabel cannot write gii: {reason(error)}: choose ply") from None

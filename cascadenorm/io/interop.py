@@ -27,13 +27,7 @@ class Adapter(NamedTuple):
 
 
 def adapter(mesh: object) -> Adapter:
-    """Return the adapter for a mesh object.
-
-    Raises
-    ------
-    MeshError
-        The kind of object is unknown.
-    """
+    """Return the adapter for a mesh object. Raises MeshError if the kind of object is unknown."""
     hint = "pass (vertices, faces), a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     for kind in type(mesh).__mro__:
         library, *inside = kind.__module__.split(".")
@@ -115,43 +109,30 @@ def source_name(source: str | PathLike[str] | BinaryIO) -> str:
     return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
 
 
-def _trimesh_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
-
-
 def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     moved = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.copy()  # the vertices of a primitive cannot be changed
     moved.vertices = vertices
     return moved
 
 
-def _pyvista_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    others = mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles
-    if others and _has_faces(mesh):
-        raise MeshError("the PolyData has cells that are not triangles: call its triangulate() first")
-    return np.asarray(mesh.points), np.asarray(mesh.regular_faces).reshape(-1, 3)
-
-
 def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     moved = mesh.copy(deep=True)
     moved.points = vertices
-    _renew_vtk_normals(moved, *_pyvista_arrays(mesh), vertices)
+    _renew_vtk_normals(moved, *_vtk_arrays(mesh), vertices)
     return moved
-
-
-def _has_faces(mesh: Any) -> bool:
-    """Whether a vtkPolyData has faces. If it has only points and lines, it is rejected as a mesh without faces."""
-    return bool(mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips())
 
 
 def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
     polygons = mesh.GetPolys()
     others = mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3)
-    if others and _has_faces(mesh):
-        raise MeshError(
-            "the vtkPolyData has cells that are not triangles: apply vtkTriangleFilter to it, in ParaView Triangulate"
+    if others and (mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips()):  # without them, it has no faces
+        of_pyvista = hasattr(mesh, "triangulate")
+        hint = (
+            "call its triangulate() first" if of_pyvista else "apply vtkTriangleFilter to it, in ParaView Triangulate"
         )
+        name = "PolyData" if of_pyvista else "vtkPolyData"
+        raise MeshError(f"the {name} has cells that are not triangles", hint=hint)
     points = numpy_of(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
     return points, numpy_of(polygons.GetConnectivityArray()).reshape(-1, 3)
 
@@ -180,21 +161,13 @@ def _renew_vtk_normals(moved: Any, points: NDArray[Any], triangles: NDArray[Any]
 
 
 def _renewed(
-    values: NDArray[Any],
-    corners: NDArray[Any],
-    points: NDArray[Any],
-    triangles: NDArray[Any],
-    vertices: NDArray[Any],
+    values: NDArray[Any], corners: NDArray[Any], points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]
 ) -> NDArray[Any]:
     """Return recomputed normals, in their stored type, for triangles that have moved from `points` to `vertices`."""
     faces = triangles.astype(np.int64)
     welds, _ = weld(points, faces)
     normals, _ = renewed_normals(Normals(values, corners.astype(np.int64)), faces, welds, points, vertices)
     return normals.astype(values.dtype)
-
-
-def _open3d_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
 
 
 def _open3d_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
@@ -240,10 +213,12 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 
 ADAPTERS = {
-    ("trimesh", "Trimesh"): Adapter(_trimesh_arrays, _trimesh_moved),
-    ("pyvista", "PolyData"): Adapter(_pyvista_arrays, _pyvista_moved),
+    ("trimesh", "Trimesh"): Adapter(lambda mesh: (np.asarray(mesh.vertices), np.asarray(mesh.faces)), _trimesh_moved),
+    ("pyvista", "PolyData"): Adapter(_vtk_arrays, _pyvista_moved),
     ("vtkmodules", "vtkPolyData"): Adapter(_vtk_arrays, _vtk_moved),
-    ("open3d", "TriangleMesh"): Adapter(_open3d_arrays, _open3d_moved),
+    ("open3d", "TriangleMesh"): Adapter(
+        lambda mesh: (np.asarray(mesh.vertices), np.asarray(mesh.triangles)), _open3d_moved
+    ),
     ("meshio", "Mesh"): Adapter(_meshio_arrays, _meshio_moved),
 }
 

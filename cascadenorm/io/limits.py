@@ -4,7 +4,6 @@ The limit is relative to the size of the file.
 """
 
 import os
-from zipfile import ZipFile
 
 from cascadenorm.errors import ParameterError, ReadError
 
@@ -17,16 +16,9 @@ ALWAYS = 100_000_000
 
 
 def check_expansion(needed: float, size: int, what: str) -> None:
-    """Raise ReadError if content needs more memory than a file of its size may expand to.
+    """Raise ReadError if content needs more bytes of memory than a file of `size` bytes may expand to.
 
-    Parameters
-    ----------
-    needed
-        Bytes in memory.
-    size
-        Bytes of the file.
-    what
-        Subject of the message, in the plural.
+    `what` is the subject of the message, in the plural.
     """
     if needed > expansion_limit(size):
         raise ReadError(
@@ -38,11 +30,6 @@ def check_expansion(needed: float, size: int, what: str) -> None:
 def expansion_limit(size: int) -> float:
     """Return the number of bytes that a file of a given size may expand to."""
     return max(ALWAYS, _expansion() * size)
-
-
-def check_archive(archive: ZipFile, size: int) -> None:
-    """Raise ReadError if the declared sizes of the files in an archive are too large. No more is ever read."""
-    check_expansion(sum(entry.file_size for entry in archive.infolist()), size, "the files in this archive")
 
 
 def _expansion() -> float:

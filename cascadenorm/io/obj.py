@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import TEXTURE, channels, from_words
+from cascadenorm.io.colors import TEXTURE, Look, from_words
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.materials import textures
@@ -199,17 +199,11 @@ class ObjFile(MeshFile):
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as OBJ, with the colours and texture coordinates of vertices."""
-        colors = channels(content.vertex_values)
-        colors.pop("alpha", None)
-        textured = all(name in content.vertex_values for name in TEXTURE)
-        taken = (*colors, *(TEXTURE if textured else ()))
-        lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in taken]
-        lost += [f"face property '{name}'" for name in content.face_values]
-        fractions = [np.stack(list(colors.values()), axis=1) / np.float32(255)] if colors else []
-        text = [lines_of(b"v", content.positions, *fractions)]
-        if textured:
-            text.append(lines_of(b"vt", np.stack([content.vertex_values[name] for name in TEXTURE], axis=1)))
-        return [*text, *_face_lines(content.polygons, textured)], lost
+        colors, texture, names = Look.of(content.vertex_values)
+        text = [lines_of(b"v", content.positions, *([] if colors is None else [colors]))]
+        if texture is not None:
+            text.append(lines_of(b"vt", texture))
+        return [*text, *_face_lines(content.polygons, texture is not None)], content.lost_values(names)
 
 
 def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:

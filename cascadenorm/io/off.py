@@ -98,11 +98,10 @@ class OffFile(MeshFile):
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as OFF in text, with the colours of vertices (COFF) and of faces."""
         colors, face_colors = channels(content.vertex_values), channels(content.face_values)
-        lost = [f"vertex property '{name}'" for name in content.vertex_values if name not in colors]
-        lost += [f"face property '{name}'" for name in content.face_values if name not in face_colors]
         header = b"%b\n%d %d 0\n" % (b"COFF" if colors else b"OFF", len(content.positions), len(content.polygons))
         vertices = lines_of(b"", content.positions, *_table(colors))
-        return [header, vertices, *_face_lines(content.polygons, _table(face_colors))], lost
+        faces = _face_lines(content.polygons, _table(face_colors))
+        return [header, vertices, *faces], content.lost_values(colors, face_colors)
 
 
 def _table(colors: dict[str, NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:

@@ -12,33 +12,18 @@ Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
 
 
 class FilePair(NamedTuple):
-    """A noisy and a clean file of the same surface.
-
-    Parameters
-    ----------
-    name
-        Name of the pair.
-    noisy
-        Noisy mesh.
-    clean
-        Clean mesh.
-    seed
-        Seed of the noise that was added to the clean mesh; None if the noisy mesh was given.
-    """
+    """A noisy and a clean file of the same surface."""
 
     name: str
     noisy: Path
     clean: Path
-    seed: int | None = None
+    seed: int | None = None  # seed of the noise that was added to the clean mesh; None if the noisy mesh was given
 
 
 def find_pairs(folders: Paths) -> list[FilePair]:
     """List the pairs `noisy.*` + `clean.*` in the given folders and their direct subfolders, each once.
 
-    Raises
-    ------
-    ReadError
-        A folder does not exist or holds no pair, an incomplete pair, or several files for one mesh.
+    Raises ReadError if a folder does not exist or holds no pair, an incomplete pair, or several files for one mesh.
     """
     known: dict[Path, FilePair] = {}
     for folder in paths_of(folders):

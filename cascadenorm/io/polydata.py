@@ -3,7 +3,6 @@
 The data of points and cells are kept.
 """
 
-import importlib.util
 import re
 import tempfile
 from collections.abc import Iterable
@@ -150,11 +149,6 @@ class LegacyPolyDataFile(PolyDataFile):
 FLOATS = ("float", "double")
 POLYDATA = {"vtp": PolyDataFile}
 """Formats by their extensions."""
-
-
-def is_vtk_installed() -> bool:
-    """Whether VTK is installed."""
-    return importlib.util.find_spec("vtkmodules") is not None
 
 
 def _array(array: Any) -> NDArray[Any]:

@@ -1,6 +1,7 @@
 """Join the meshes that a scene shows into one mesh."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh.polygons import Polygons, ranges
 
-Values = dict[str, NDArray[Any]]
+Values = Mapping[str, NDArray[Any]]
 Matrix = NDArray[np.float64]
 """(4, 4) transform of column vectors."""
 Key = TypeVar("Key", bound=Hashable)
@@ -26,8 +27,8 @@ class Shown(NamedTuple):
 
     positions: NDArray[Any]
     polygons: Polygons
-    vertex_values: Values
-    face_values: Values
+    vertex_values: Values = MappingProxyType({})
+    face_values: Values = MappingProxyType({})
 
     def placed(self, matrix: Matrix) -> "Shown":
         """Return the transformed mesh. A mirroring transform reverses the faces."""
@@ -81,21 +82,9 @@ def placements(
 ) -> list[tuple[Key, Matrix]]:
     """Return everything that a scene shows, with its transform.
 
-    Parameters
-    ----------
-    roots
-        Objects at the top level of the scene.
-    inner
-        Returns the contents of an object, in its own frame.
-    nbytes
-        Returns the memory that one instance of an object needs.
-    size
-        Bytes of the file. The memory of the instances is checked against it before any is created.
-
-    Raises
-    ------
-    ReadError
-        An object contains itself, the instances need too much memory, or a transform is not finite.
+    `inner` returns the contents of an object, in its own frame, and `nbytes` the memory that one instance of it needs.
+    That of all instances is checked against the size of the file in bytes before any is created. Raises ReadError if an
+    object contains itself, the instances need too much memory, or a transform is not finite.
     """
     needed: dict[Key, int] = {}
     opened: set[Key] = set()

@@ -12,25 +12,11 @@ MOST_SHOWN = 80
 
 
 def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:
-    """Return the files to write beside a target so that its references stay valid.
+    """Return the files to write beside a target, so that the references of a file stay valid, as contents by path.
 
-    Parameters
-    ----------
-    file
-        File with references relative to its folder.
-    target
-        Path of the output.
-    force
-        Whether files with other content may be replaced.
-
-    Returns
-    -------
-    Contents by path, empty if the target is in the folder of the file, and the references that are missing or outside.
-
-    Raises
-    ------
-    OutputError
-        A required file is missing or outside the folder, or a file with other content exists and force is not given.
+    There are none if the target is in the folder of the file. Returns as well the references that are missing or
+    outside. Raises OutputError if a required file is missing or outside the folder, or if a file with other content
+    exists and force is not given.
     """
     there = target.resolve().parent
     if file.folder is not None and file.folder.resolve() == there:

@@ -12,10 +12,7 @@ from cascadenorm.io.base import Piece
 def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
     """Write pieces to a stream and flush it. Waits while a non-blocking stream is full.
 
-    Raises
-    ------
-    OutputError
-        Not all bytes can be written.
+    Raises OutputError if not all bytes can be written.
     """
     try:
         for piece in pieces:

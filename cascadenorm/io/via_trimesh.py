@@ -6,9 +6,8 @@ Such files can only be written in other formats, with the content that trimesh p
 import logging
 from collections.abc import Iterable
 from io import BytesIO
-from typing import cast
+from typing import Any, cast
 from xml.etree.ElementTree import ParseError, iterparse
-from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +16,12 @@ from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.colors import CHANNELS
 from cascadenorm.io.content import Content
-from cascadenorm.io.limits import check_archive, check_expansion
+from cascadenorm.io.libraries import explained, unzipped
+from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.shown import Shown, joined
 from cascadenorm.mesh.polygons import Polygons
 
-TRIMESH_NEEDS = {
-    "3dxml": "lxml networkx",
-    "stp": "cascadio",
-    "step": "cascadio",
-    "xaml": "lxml",
-    "zae": "pycollada",
-}
+TRIMESH_NEEDS = {"3dxml": "lxml networkx", "stp": "cascadio", "step": "cascadio", "xaml": "lxml", "zae": "pycollada"}
 """Packages that a format requires."""
 
 INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
@@ -40,11 +35,8 @@ class TrimeshFile(MeshFile):
 
         _check_sizes(self.data, self.format)
         logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings go to stderr
-        try:
-            with np.errstate(all="ignore"):
-                self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
-        except Exception as error:  # the parsers raise errors of any type
-            raise ReadError(f"trimesh cannot read this as {self.format}: {reason(error)}") from None
+        with explained(f"trimesh cannot read this as {self.format}"), np.errstate(all="ignore"):
+            self._scene = trimesh.load_scene(BytesIO(self.data), file_type=self.format, process=False)
         self._meshes = [g for g in self._scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
         if not self._meshes:
             raise ReadError(f"trimesh finds no triangle mesh in this {self.format} file")
@@ -53,9 +45,7 @@ class TrimeshFile(MeshFile):
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])
         self.parts = np.repeat(np.arange(len(sizes)), sizes)
-        faces = [np.asarray(m.faces, np.int64) + first for m, first in zip(self._meshes, self._first, strict=False)]
-        positions = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in self._meshes])
-        return positions, Polygons.from_rows(np.concatenate(faces))
+        return joined([_shown(mesh) for mesh in self._meshes])[:2]
 
     def _moved(self) -> "TrimeshFile":
         """Return a new file whose scene has the current positions."""
@@ -73,28 +63,27 @@ class TrimeshFile(MeshFile):
 
     def _read_content(self) -> Content:
         """Return all meshes, once for each time that the scene shows them, and transformed as shown."""
-        shown = [(matrix, self._scene.geometry[name]) for matrix, name in map(self._scene.graph.get, self._nodes())]
+        nodes = map(self._scene.graph.get, self._scene.graph.nodes_geometry)
+        shown = [(matrix, self._scene.geometry[name]) for matrix, name in nodes]
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
         check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
-        first = np.concatenate([[0], np.cumsum([len(mesh.vertices) for _, mesh in shown])])
-        positions = np.concatenate([mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3] for matrix, mesh in shown])
-        oriented = [mesh.faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.faces for matrix, mesh in shown]
-        faces = np.concatenate([part + start for part, start in zip(oriented, first, strict=False)])
+        positions, polygons, *_ = joined([_shown(mesh).placed(matrix) for matrix, mesh in shown])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}
         if kinds == {"vertex"}:
             colors = dict(zip(CHANNELS, np.concatenate([m.visual.vertex_colors for _, m in shown]).T, strict=True))
         left_out = ("materials and textures",) if kinds - {"vertex", None} else ()
-        return Content(positions, Polygons.from_rows(faces.astype(np.int64)), colors, left_out=left_out)
-
-    def _nodes(self) -> list[str]:
-        return list(self._scene.graph.nodes_geometry)
+        return Content(positions, polygons, colors, left_out=left_out)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Raise OutputError, since trimesh is only used for reading."""
         raise OutputError(f"the format '{cls.format}' cannot be written: choose ply, obj or glb")
+
+
+def _shown(mesh: Any) -> Shown:
+    return Shown(np.asarray(mesh.vertices, np.float64), Polygons.from_rows(np.asarray(mesh.faces, np.int64)))
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:
@@ -113,18 +102,9 @@ def trimesh_formats() -> list[str]:
 
 def _check_sizes(data: bytes, format: str) -> None:
     """Raise ReadError if a file declares more than it can contain."""
-    documents: list[bytes] = []
-    if format in ("3dxml", "zae"):
-        try:
-            with ZipFile(BytesIO(data)) as archive:
-                check_archive(archive, len(data))
-                names = archive.namelist() if format == "zae" else []
-                documents = [archive.read(name) for name in names if name.lower().endswith(".dae")]
-        except ReadError:
-            raise
-        except Exception as error:  # a damaged archive
-            raise ReadError(f"this {format} file is a damaged archive: {reason(error)}") from None
-    for document in documents:
+    if format not in ("3dxml", "zae"):
+        return
+    for _, document in unzipped(data, format, lambda name: format == "zae" and name.lower().endswith(".dae")):
         corners = 8 * _corner_count(document)  # each corner needs an index and some copies
         check_expansion(5 * corners, len(data), "the polygons of this COLLADA file")
 

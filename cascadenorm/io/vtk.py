@@ -4,7 +4,6 @@ The data of points and cells are kept.
 """
 
 import copy
-import importlib.util
 import math
 import re
 import tempfile
@@ -15,9 +14,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError, ReadError, reason
+from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
+from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.unpacking import limited_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
@@ -38,13 +38,8 @@ class MeshioFile(MeshFile):
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         from meshio.vtu import _vtu
 
-        try:
-            with limited_expansion(len(self.data), _vtu):
-                self._grid = self._load()
-        except ReadError:
-            raise
-        except Exception as error:  # the parsers raise errors of any type
-            raise ReadError(f"meshio cannot read this as {self.format}: {reason(error)}") from None
+        with explained(f"meshio cannot read this as {self.format}"), limited_expansion(len(self.data), _vtu):
+            self._grid = self._load()
         points = np.asarray(self._grid.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ReadError(f"the points of this {self.format} file have {points.shape[-1]} coordinates, not 3")
@@ -194,18 +189,11 @@ MESHIO = {kind.format: kind for kind in (VtkFile, VtuFile, GmshFile, AbaqusFile)
 """Formats by their extensions."""
 
 
-def is_installed() -> bool:
-    """Whether meshio is installed."""
-    return importlib.util.find_spec("meshio") is not None
-
-
 def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> bytes:
     import meshio
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"grid.{format}"
-        try:
+        with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"):
             getattr(meshio, module).write(path, grid, **options)
-        except Exception as error:  # the writers raise errors of any type
-            raise OutputError(f"meshio cannot write {format}: {reason(error)}: choose ply") from None
         return path.read_bytes()

@@ -54,12 +54,7 @@ class Camera:
 
     @classmethod
     def looking_at(
-        cls,
-        mesh: Mesh,
-        *,
-        direction: ArrayLike | None = None,
-        perspective: float = 0.15,
-        up: Up = "y",
+        cls, mesh: Mesh, *, direction: ArrayLike | None = None, perspective: float = 0.15, up: Up = "y"
     ) -> "Camera":
         """Place a camera that shows the whole mesh, except small far parts that would shrink the rest to a dot.
 
@@ -94,18 +89,9 @@ class Camera:
 
     @classmethod
     def at_distance(cls, direction: ArrayLike, target: ArrayLike, distance: float, *, up: Up = "y") -> "Camera":
-        """Place a camera at a distance from the point it looks at, with FIELD_OF_VIEW.
+        """Place a camera with FIELD_OF_VIEW at a distance, in mesh units, from a point, (3,), in a direction from it.
 
-        Parameters
-        ----------
-        direction
-            From the point toward the viewer.
-        target
-            (3,) point to look at.
-        distance
-            In mesh units.
-        up
-            Mesh axis that points up in the picture.
+        `up` is the mesh axis that points up in the picture.
         """
         if not 0 < distance < np.inf:
             raise ValueError(f"distance is {distance}; it must be positive and finite")
@@ -119,16 +105,9 @@ class Camera:
         return width * pixel / 2, height * pixel / 2
 
     def cropped(self, x: float, y: float, width: float, *, size: tuple[int, int]) -> "Camera":
-        """Return the camera of a square part of a picture with unchanged perspective.
+        """Return the camera of a square part of a picture of `size` pixels, with unchanged perspective.
 
-        Parameters
-        ----------
-        x, y
-            Center of the part, as fractions of the width and height from the upper left.
-        width
-            Width of the part, as a fraction of the width of the picture.
-        size
-            Size of the picture in pixels.
+        x and y are the center of the part, from the upper left, and `width` is its width, as fractions of the picture.
         """
         half_width, half_height = self.half_size(size)
         left, upward = self.offset

@@ -17,24 +17,12 @@ STEPS = 256
 
 
 class HeatMap(NamedTuple):
-    """Values on a mesh, to be shown as colours.
+    """Values on a mesh, to be shown as colours."""
 
-    Parameters
-    ----------
-    values
-        (m,) or (n,) values of faces or vertices; NaN if unknown.
-    at
-        Whether the values belong to faces or vertices.
-    limits
-        Values at both ends of the colour scale; values beyond are clipped.
-    signed
-        Use a diverging scale around zero instead of a sequential one.
-    """
-
-    values: NDArray[np.float64]
-    at: Literal["face", "vertex"]
-    limits: tuple[float, float]
-    signed: bool = False
+    values: NDArray[np.float64]  # (m,) or (n,) values of faces or vertices; NaN if unknown
+    at: Literal["face", "vertex"]  # whether the values belong to faces or vertices
+    limits: tuple[float, float]  # values at both ends of the colour scale; values beyond are clipped
+    signed: bool = False  # use a diverging scale around zero instead of a sequential one
 
 
 def color_map(*, signed: bool) -> NDArray[np.float64]:

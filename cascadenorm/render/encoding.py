@@ -9,13 +9,7 @@ from cascadenorm.render.color import Image
 
 
 def png(image: Image, *, dpi: int | None = None) -> bytes:
-    """Encode an image as PNG with 8 bits per channel.
-
-    Parameters
-    ----------
-    dpi
-        Resolution to store in the file, in pixels per inch.
-    """
+    """Encode an image as PNG with 8 bits per channel, and optionally its resolution in pixels per inch."""
     file = io.BytesIO()
     settings = {} if dpi is None else {"dpi": (dpi, dpi)}
     PIL.Image.fromarray(image).save(file, "PNG", **settings)

@@ -47,33 +47,15 @@ class Panel(NamedTuple):
 
 
 class Bar(NamedTuple):
-    """The colour bar of a heat map.
+    """The colour bar of a heat map."""
 
-    Parameters
-    ----------
-    label
-        Description of the values, with their unit.
-    limits
-        Values at the lower and upper end.
-    signed
-        As in `HeatMap`.
-    """
-
-    label: str
-    limits: tuple[float, float]
-    signed: bool = False
+    label: str  # description of the values, with their unit
+    limits: tuple[float, float]  # values at the lower and upper end
+    signed: bool = False  # as in `HeatMap`
 
 
 def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figure":
-    """Arrange panels in rows without changing any pixel of their pictures.
-
-    Parameters
-    ----------
-    rows
-        Panels from left to right, at least one per row.
-    bar
-        Colour bar to the right of the last row.
-    """
+    """Arrange panels in rows, without changing any pixel of their pictures, and a colour bar beside the last row."""
     sides = [side for row in rows for panel in row for side in panel.image.shape[:2]]
     size = max(18, min(sides) // 25)  # font size in pixels
     widths = [sum(panel.image.shape[1] + GAP for panel in row) - GAP for row in rows]
@@ -191,10 +173,7 @@ def svg(figure: "Figure", *, transparent: bool = False) -> bytes:
 def inline_svg(figure: "Figure", about: str) -> str:
     """Return a figure as an inline HTML element with WebP pictures; text and lines use the colour of the page.
 
-    Parameters
-    ----------
-    about
-        Alternative text that describes the figure.
+    The alternative text describes the figure.
     """
     text = svg(figure, transparent=True).decode()
     text = re.sub(r"data:image/png;base64,([^\"]+)", lambda found: _as_webp(found[1]), text[text.index("<svg") :])

@@ -18,13 +18,7 @@ ENCODING = (
 
 
 def require_ffmpeg() -> str:
-    """Return the path of ffmpeg.
-
-    Raises
-    ------
-    OutputError
-        Ffmpeg is not on the PATH.
-    """
+    """Return the path of ffmpeg. Raises OutputError if it is not on the PATH."""
     found = shutil.which("ffmpeg")
     if found is None:
         raise OutputError(
@@ -35,19 +29,9 @@ def require_ffmpeg() -> str:
 
 
 def mp4(images: Iterable[Image], *, milliseconds: int) -> bytes:
-    """Encode images as an MP4 video.
+    """Encode images, (height, width, 3) uint8 of equal size, as an MP4 video that shows each for a time.
 
-    Parameters
-    ----------
-    images
-        (height, width, 3) uint8 images of equal size.
-    milliseconds
-        Duration of each image.
-
-    Raises
-    ------
-    OutputError
-        Ffmpeg is not installed or fails.
+    Raises OutputError if ffmpeg is not installed or fails.
     """
     program = require_ffmpeg()
     with TemporaryDirectory() as folder, TemporaryFile() as said:

@@ -14,45 +14,23 @@ LINE_COVERAGE = 0.75
 
 
 class Painted(NamedTuple):
-    """Triangles on the screen with their colours.
+    """Triangles on the screen with their colours."""
 
-    Parameters
-    ----------
-    screen
-        (m, 3, 3) corners: x to the right and y down in pixels from the upper left, z toward the viewer; z must be
-        linear on the screen.
-    palette
-        (k, 3) linear colours.
-    places
-        (m, 3) palette row at each corner; interpolated between the corners and then rounded.
-    light
-        (m, 3) factor of the colour at each corner; interpolated as well.
-    perspective
-        Reciprocal of the distance of the viewer, in the unit of z.
-    line
-        Width of the edges of the triangles in pixels; 0 draws none.
-    """
-
+    # (m, 3, 3) corners: x to the right and y down in pixels from the upper left, z toward the viewer; z must be
+    # linear on the screen
     screen: NDArray[np.float64]
-    palette: NDArray[np.float64]
-    places: NDArray[np.float64]
-    light: NDArray[np.float64]
-    perspective: float = 0.0
-    line: float = 0.0
+    palette: NDArray[np.float64]  # (k, 3) linear colours
+    places: NDArray[np.float64]  # (m, 3) palette row at each corner; interpolated between the corners and then rounded
+    light: NDArray[np.float64]  # (m, 3) factor of the colour at each corner; interpolated as well
+    perspective: float = 0.0  # reciprocal of the distance of the viewer, in the unit of z
+    line: float = 0.0  # width of the edges of the triangles in pixels; 0 draws none
 
 
 def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDArray[np.float64]:
-    """Rasterize triangles, with the nearest in front.
+    """Rasterize triangles, with the nearest in front. Each pixel is the mean of samples × samples points.
 
-    Parameters
-    ----------
-    samples
-        Each pixel is the mean of samples × samples points.
-
-    Returns
-    -------
-    (height, width, 4) linear colour times coverage, and coverage. Of two triangles at equal depth, the one with the
-    smaller index is visible
+    Returns (height, width, 4) linear colour times coverage, and coverage. Of two triangles at equal depth, the one with
+    the smaller index is visible.
     """
     picture = np.zeros((height, width, 4))
     arrays = [np.ascontiguousarray(array, np.float64) for array in painted[:4]]

@@ -12,17 +12,10 @@ MOST_FACES = 1 << 20
 
 
 class Display(NamedTuple):
-    """The vertices and faces of a mesh that are displayed.
+    """The vertices and faces of a mesh that are displayed."""
 
-    Parameters
-    ----------
-    faces
-        (f, 3) indices into the kept vertices.
-    kept_vertices, kept_faces
-        (v,) and (f,) indices of the kept vertices and faces in the mesh.
-    """
-
-    faces: NDArray[np.int32]
+    faces: NDArray[np.int32]  # (f, 3) indices into the kept vertices
+    # kept_vertices, kept_faces: (v,) and (f,) indices of the kept vertices and faces in the mesh
     kept_vertices: NDArray[np.int64]
     kept_faces: NDArray[np.int64]
 

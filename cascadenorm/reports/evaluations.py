@@ -27,7 +27,7 @@ from cascadenorm.render.camera import MARGIN, projected
 from cascadenorm.render.scenes import Style, color_bar, one_view, panels, scene
 from cascadenorm.reports.given import given
 from cascadenorm.reports.overview import overview
-from cascadenorm.reports.page import Tile, image, page, plain_page, table
+from cascadenorm.reports.page import Tile, image, page, table
 from cascadenorm.reports.plots import box_plot
 from cascadenorm.reports.scene import scene as viewer_scene
 
@@ -38,10 +38,6 @@ OVERVIEW = "Mean angle by method"
 SYMBOLS = (
     "E_a is the mean angle between the face normals of a mesh and those of the true mesh, in degrees. E_v is the mean "
     "distance of its vertices to the true surface, in mean edge lengths."
-)
-BOXES = (
-    '<p class="note">Boxes span the quartiles, and the line in each is the median; whiskers end at the 5th and the '
-    "95th percentile.</p>"
 )
 CROP = 0.22
 """Width of the part that is enlarged, as a share of the picture."""
@@ -68,21 +64,13 @@ def report_evaluation(
 ) -> None:
     """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
-    Parameters
-    ----------
-    output
-        HTML file. The folder has its name, with `_files` instead of the extension.
-    done
-        Result of `evaluate` with `keep`, since the meshes are shown.
-    force
-        Replace an existing file.
-    progress
-        Called with (task, pairs done, total pairs, next pair).
+    The folder has the name of the page, with `_files` instead of the extension. `progress` is called with (task, pairs
+    done, total pairs, next pair).
 
     Raises
     ------
     ParameterError
-        The evaluation kept no meshes.
+        The evaluation kept no meshes, as `evaluate` with `keep` does.
     OutputError
         The file exists and force is not given, or it cannot be written.
     """
@@ -118,7 +106,7 @@ def report_evaluation(
         write_atomically(folder / file, [whole.encode()], force=True)
     progress("writing", len(measured), len(measured))
     about = ["The best value of each row or column is in bold; – marks unknown values."]
-    whole = plain_page("Evaluation", about, sections, tiles=_tiles(done, len(measured)))
+    whole = page("Evaluation", about, sections, tiles=_tiles(done, len(measured)))
     write_atomically(Path(output), [whole.encode()], force=force)
 
 

@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
@@ -41,9 +41,13 @@ def file_rows(shown: Sequence[Given]) -> Rows:
 
 def shape_rows(inspected: Sequence[tuple[Given, Inspection]]) -> Rows:
     """Return the properties of the meshes, with a column for each."""
-    columns = [_shape(found) for _, found in inspected]
-    head = ("", *(given.label for given, _ in inspected))
-    return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
+    return _columns([(given.label, _shape(found)) for given, found in inspected])
+
+
+def _columns(columns: Sequence[tuple[str, dict[str, str]]]) -> Rows:
+    """Return a column for each label and its named values."""
+    rows = [(name, *(values[name] for _, values in columns)) for name in columns[0][1]]
+    return [("", *(label for label, _ in columns)), *rows]
 
 
 def _shape(found: Inspection) -> dict[str, str]:
@@ -52,9 +56,9 @@ def _shape(found: Inspection) -> dict[str, str]:
         "faces": f"{found.faces:,}",
         "connected components": f"{found.parts:,}",
         "surface": "closed" if found.closed else f"open, {counted(found.boundary_loops, 'boundary loop')}",
-        "self-intersecting faces": _counted(found.crossing_faces),
-        "spikes": _counted(found.spikes),
-        "small components": _counted(found.small_components),
+        "self-intersecting faces": count_of(found.crossing_faces),
+        "spikes": count_of(found.spikes),
+        "small components": count_of(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),
         "mean edge length (mesh units)": _number(found.mean_edge_length),
         "area (mesh units²)": _number(found.area),
@@ -67,9 +71,7 @@ def _shape(found: Inspection) -> dict[str, str]:
 
 def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
     """Return the errors against the truth, with a column for each mesh."""
-    head = ("", *(given.label for given, _ in measured))
-    columns = [_measured(measures) for _, measures in measured]
-    return [head, *((name, *(column[name] for column in columns)) for name in columns[0])]
+    return _columns([(given.label, _measured(measures)) for given, measures in measured])
 
 
 def _measured(measures: Measures) -> dict[str, str]:
@@ -118,24 +120,18 @@ def version_rows(done: DenoisingSummary | None) -> Rows:
     return rows
 
 
-class Recipe(Protocol):
-    """The inputs of a result, as in `DenoisingSummary`."""
+class Recipe(NamedTuple):
+    """Names and settings that reproduce a file, with arrays named by their files."""
 
-    @property
-    def source(self) -> str: ...
-    @property
-    def output(self) -> str: ...
-    @property
-    def method(self) -> str: ...
-    @property
-    def parameters(self) -> dict[str, Any]: ...
-    @property
-    def strength(self) -> float: ...
-    @property
-    def controls(self) -> dict[str, Any]: ...
+    source: str
+    output: str
+    method: str
+    parameters: dict[str, Any]
+    strength: float
+    controls: dict[str, Any]
 
 
-def command_line(done: Recipe) -> str:
+def command_line(done: DenoisingSummary | Recipe) -> str:
     """Return the command that reproduces the file."""
     words = ["cascadenorm", "denoise", done.source, "-o", done.output, "--method", done.method]
     parameters = {name: value for name, value in done.parameters.items() if name != "model"}
@@ -151,7 +147,7 @@ def command_line(done: Recipe) -> str:
     return shlex.join(words)
 
 
-def python_call(done: Recipe) -> str:
+def python_call(done: DenoisingSummary | Recipe) -> str:
     """Return the Python call that reproduces the file."""
     controls = {"strength": done.strength, **done.controls}
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}
@@ -174,7 +170,8 @@ def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Ins
     return said
 
 
-def _counted(found: Found | None) -> str:
+def count_of(found: Found | None) -> str:
+    """Return the number of places of a finding."""
     return "not checked" if found is None else f"{found.count:,}"
 
 

@@ -14,24 +14,12 @@ LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"
 
 
 class Given(NamedTuple):
-    """A mesh with its name in a report.
+    """A mesh with its name in a report."""
 
-    Parameters
-    ----------
-    key
-        One of LABELS, or the name of a method.
-    name
-        Name of the file or of the kind of mesh.
-    file
-        The file as it was read, possibly with moved vertices.
-    from_file
-        Whether `file` holds the bytes of a file, which have a checksum.
-    """
-
-    key: str
-    name: str
-    file: io.MeshFile
-    from_file: bool = True
+    key: str  # one of LABELS, or the name of a method
+    name: str  # name of the file or of the kind of mesh
+    file: io.MeshFile  # the file as it was read, possibly with moved vertices
+    from_file: bool = True  # whether `file` holds the bytes of a file, which have a checksum
 
     @property
     def mesh(self) -> Mesh:

@@ -7,8 +7,9 @@ import numpy as np
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures, angles_at_faces
-from cascadenorm.inspection import Found, Inspection
+from cascadenorm.inspection import Inspection
 from cascadenorm.mesh import scaled_alike
+from cascadenorm.reports.facts import count_of
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.page import Tile
 
@@ -23,8 +24,8 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
         Tile("Noise", _each(found, lambda one: _noise(one.noise)), "mean edge lengths"),
         *_angle(inspected, measured),
         _volume(found),
-        Tile("Self-intersecting faces", _each(found, lambda one: _count(one.crossing_faces))),
-        Tile("Spikes", _each(found, lambda one: _count(one.spikes)), "vertices"),
+        Tile("Self-intersecting faces", _each(found, lambda one: count_of(one.crossing_faces))),
+        Tile("Spikes", _each(found, lambda one: count_of(one.spikes)), "vertices"),
         _moved(done) if done is not None else _size(found[-1]),
     ]
 
@@ -49,10 +50,6 @@ def _each(found: Sequence[Inspection], text: Callable[[Inspection], str]) -> tup
 
 def _noise(noise: float | None) -> str:
     return "unknown" if noise is None else f"{noise:.2g}"
-
-
-def _count(finding: Found | None) -> str:
-    return "not checked" if finding is None else f"{finding.count:,}"
 
 
 def _angle(inspected: Inspected, measured: Measured) -> list[Tile]:

@@ -1,26 +1,26 @@
 """Meshes in notebooks: the viewer of reports in a cell, and a still picture where scripts do not run."""
 
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity
 from cascadenorm.mesh import Mesh, MeshError, scaled_alike
-from cascadenorm.render import Camera, HeatMap, Panel, inline_svg, montage, pixels, png, render
+from cascadenorm.render import HeatMap, inline_svg, pixels, png, render
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.page import frame_page
 from cascadenorm.reports.scene import scene
+from cascadenorm.reports.writing import drawn
 
 if TYPE_CHECKING:
     from anywidget import AnyWidget
-    from matplotlib.figure import Figure
 
 OWN = "values"
 """Name of the values that a caller gives."""
@@ -28,24 +28,6 @@ PICTURE, SMALL = 420, 280
 """Size of each still picture of a view, and of that of a mesh, in pixels."""
 MOST_FACES = 300_000
 """Largest number of faces for which a cell that shows a mesh draws a picture."""
-
-
-class Shown(NamedTuple):
-    """The contents of a view.
-
-    Parameters
-    ----------
-    meshes
-        With their names.
-    color
-        The quantity that is shown first; "" for none.
-    own
-        Values given by the caller, by the name of the mesh that they belong to.
-    """
-
-    meshes: list[Given]
-    color: str
-    own: Field | None
 
 
 def view(
@@ -85,14 +67,17 @@ def view(
     keys = ("mesh",) if other is None and truth is None else ("before", "after", "truth")
     sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
     meshes = [given(key, source) for key, source in sources]
-    shown = Shown(meshes, *_values(meshes, values))
-    packed = scene(shown.meshes, (), own=shown.own)
-    if shown.color and all(field["name"] != shown.color for field in packed["fields"]):
-        against = "other" if QUANTITIES[shown.color].against == "input" else "truth"
-        raise ParameterError(f"{shown.color} compares a mesh with another one", hint=f"give `{against}` as well")
-    picture = _picture(shown)
-    caption = f"Meshes: {', '.join(one.label.lower() for one in shown.meshes)}"
-    page = frame_page(packed, inline_svg(picture, caption), caption, color=shown.color)
+    color, own = _values(meshes, values)
+    packed = scene(meshes, (), own=own)
+    if color and all(field["name"] != color for field in packed["fields"]):
+        against = "other" if QUANTITIES[color].against == "input" else "truth"
+        raise ParameterError(f"{color} compares a mesh with another one", hint=f"give `{against}` as well")
+    maps = {}
+    if own is not None:
+        maps = {key: HeatMap(v, own.quantity.at, own.limits, own.quantity.signed) for key, v in own.values.items()}
+    picture = drawn(meshes, PICTURE, maps)
+    caption = f"Meshes: {', '.join(one.label.lower() for one in meshes)}"
+    page = frame_page(packed, inline_svg(picture, caption), caption, color=color)
     return widget(page=page, picture=png(pixels(picture)), height=height)
 
 
@@ -106,8 +91,8 @@ def described(mesh: Mesh) -> str:
     if len(mesh.faces) > MOST_FACES:
         return f"<figure>{caption}</figure>"
     try:
-        (drawn,) = scaled_alike(mesh)
-        data = b64encode(png(render(drawn, size=(SMALL, SMALL), transparent=True))).decode("ascii")
+        (scaled,) = scaled_alike(mesh)
+        data = b64encode(png(render(scaled, size=(SMALL, SMALL), transparent=True))).decode("ascii")
     except MeshError:
         return f"<figure>{caption}</figure>"
     return f'<figure><img src="data:image/png;base64,{data}" alt="The mesh" width="{SMALL}">{caption}</figure>'
@@ -133,33 +118,9 @@ def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[st
     raise ParameterError(f"have shape {numbers.shape}; the mesh has {sizes}", parameter="values")
 
 
-def _picture(shown: Shown) -> "Figure":
-    """Draw all meshes side by side from the best view of the last, with values given by the caller as colours."""
-    meshes = scaled_alike(*(one.mesh for one in shown.meshes))
-    camera = Camera.looking_at(meshes[-1])
-    own: Mapping[str, NDArray[np.float64]] = shown.own.values if shown.own else {}
-    maps = [
-        HeatMap(own[one.key], shown.own.quantity.at, shown.own.limits, shown.own.quantity.signed)
-        if shown.own and one.key in own
-        else None
-        for one in shown.meshes
-    ]
-    drawn = [
-        Panel(render(mesh, view=camera, size=(PICTURE, PICTURE), values=heat, transparent=True), one.label)
-        for one, mesh, heat in zip(shown.meshes, meshes, maps, strict=True)
-    ]
-    return montage([drawn])
-
-
 @cache
 def _widget() -> "type[AnyWidget]":
-    """Return the class of the widget, created on first use.
-
-    Raises
-    ------
-    MissingDependencyError
-        Anywidget is not installed.
-    """
+    """Return the class of the widget, created on first use. Raises MissingDependencyError without anywidget."""
     try:
         import anywidget
         import traitlets

@@ -5,15 +5,7 @@ from html import escape
 
 
 def overview(rows: Sequence[tuple[str, float]], *, unit: str) -> str:
-    """Return a bar for each row, the lowest value first and in the accent colour.
-
-    Parameters
-    ----------
-    rows
-        Names and values; none is negative.
-    unit
-        Unit of the values, written after each.
-    """
+    """Return a bar for each name and value, at least 0, with its unit; the lowest first and in the accent colour."""
     lowest, largest = (found((value for _, value in rows), default=0.0) for found in (min, max))
     bars = []
     for name, value in sorted(rows, key=lambda row: row[1]):

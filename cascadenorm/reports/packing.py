@@ -41,17 +41,9 @@ def in_steps(values: NDArray[np.float64], steps: int = STEPS) -> Steps:
 def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str, Any]:
     """Pack integers, (k,) or (k, c), column by column.
 
-    Parameters
-    ----------
-    differences
-        Each value but the first of a column is kept as its difference from the one before; smaller where neighbours are
-        alike.
-
-    Returns
-    -------
-    shape, differences, bytes
-        Number of bytes of each value; data : base64 of the deflated bytes, first the lowest.
-    byte of every value, then the next one
+    With `differences`, each value but the first of a column is kept as its difference from the one before, which is
+    smaller where neighbours are alike. Returns the shape, `differences`, the number of bytes of each value, and as data
+    the base64 of the deflated bytes: first the lowest byte of every value, then the next one.
     """
     columns = values.reshape(len(values), -1).T
     if differences:

@@ -14,21 +14,11 @@ CODE, CODE_IN_HTML = re.compile("`([^`<>]+)`"), r"<code>\1</code>"
 
 
 class Tile(NamedTuple):
-    """A figure at the top of a page.
-
-    Parameters
-    ----------
-    label
-        What it is.
-    values
-        One value, or those before and after.
-    note
-        Unit, or what else belongs to it.
-    """
+    """A figure at the top of a page."""
 
     label: str
-    values: tuple[str, ...]
-    note: str = ""
+    values: tuple[str, ...]  # one value, or those before and after
+    note: str = ""  # such as the unit
 
 
 def page(
@@ -37,63 +27,40 @@ def page(
     sections: Iterable[tuple[str, str]],
     *,
     tiles: Sequence[Tile] = (),
-    picture: str,
-    caption: str,
-    scene: Mapping[str, Any],
+    picture: str = "",
+    caption: str = "",
+    scene: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return the page.
+    """Return the page: a title, a paragraph for each sentence of the summary, tiles, the viewer, and sections.
 
-    Parameters
-    ----------
-    title, summary
-        Text; sentences, a paragraph each.
-    sections
-        Titles and their HTML.
-    tiles
-        Figures in a row below the summary.
-    picture, caption
-        An SVG element, and what it shows.
-    scene
-        Scene of the viewer.
+    Sections are titles and their HTML. The picture, an SVG element, and its caption stand in for the viewer of the
+    scene where scripts do not run. Without a scene, there is no viewer.
     """
-    viewer = f'<div id="viewer">{image(picture, caption)}</div>'
-    return _html(title, summary, sections, tiles=tiles, before=viewer, after=_scripts(scene))
-
-
-def plain_page(
-    title: str, summary: Iterable[str], sections: Iterable[tuple[str, str]], *, tiles: Sequence[Tile] = ()
-) -> str:
-    """Return a page without a viewer; parameters are those of `page`."""
-    return _html(title, summary, sections, tiles=tiles)
+    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
+    content = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
+    body = f"""<header class="top"><h1>{escape(title)}</h1>{paragraphs}{_tiles(tiles)}</header>
+<main>
+{"" if scene is None else _viewer(picture, caption)}
+{content}
+</main>
+{"" if scene is None else _scripts(scene)}"""
+    return _document(title, "<body>", body)
 
 
 def frame_page(scene: Mapping[str, Any], picture: str, caption: str, *, color: str) -> str:
     """Return a page that contains only the viewer, for a frame in another page.
 
-    Parameters
-    ----------
-    scene
-        Scene of the viewer.
-    picture, caption
-        An SVG element, and what it shows.
-    color
-        The quantity that is shown first; "" for none.
+    Color is the quantity that is shown first; "" for none. The other parameters are those of `page`.
     """
     first = "history.replaceState = () => {};"  # a frame has no address of its own
     if color:
         first += f" location.hash = {json.dumps(f'color={color}')};"
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-{_head(caption)}
-</head>
-<body class="frame">
-<main><div id="viewer">{image(picture, caption)}</div></main>
-<script>{first}</script>
-{_scripts(scene)}
-</body>
-</html>
-"""
+    body = f"<main>{_viewer(picture, caption)}</main>\n<script>{first}</script>\n{_scripts(scene)}"
+    return _document(caption, '<body class="frame">', body)
+
+
+def _viewer(picture: str, caption: str) -> str:
+    return f'<div id="viewer">{image(picture, caption)}</div>'
 
 
 def _scripts(scene: Mapping[str, Any]) -> str:
@@ -101,46 +68,27 @@ def _scripts(scene: Mapping[str, Any]) -> str:
     return f'<script type="application/json" id="scene">{data}</script>\n<script>{_file("viewer.js")}</script>'
 
 
-def _head(title: str) -> str:
-    return f"""<meta charset="utf-8">
+def _document(title: str, tag: str, body: str) -> str:
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}">
 <title>{escape(title)}</title>
 <link rel="icon" href="data:,">
-<style>{_file("report.css")}</style>"""
+<style>{_file("report.css")}</style>
+</head>
+{tag}
+{body}
+</body>
+</html>
+"""
 
 
 def _file(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
-
-
-def _html(
-    title: str,
-    summary: Iterable[str],
-    sections: Iterable[tuple[str, str]],
-    *,
-    tiles: Sequence[Tile],
-    before: str = "",
-    after: str = "",
-) -> str:
-    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in summary)
-    body = "".join(f"<section><h2>{escape(name)}</h2>{content}</section>" for name, content in sections)
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-{_head(title)}
-</head>
-<body>
-<header class="top"><h1>{escape(title)}</h1>{paragraphs}{_tiles(tiles)}</header>
-<main>
-{before}
-{body}
-</main>
-{after}
-</body>
-</html>
-"""
 
 
 def _tiles(tiles: Sequence[Tile]) -> str:
@@ -169,16 +117,9 @@ def table(
 ) -> str:
     """Return a table; the first cell of each row, and the first row if it is a head, are headings.
 
-    Parameters
-    ----------
-    bold
-        Row and column of cells in bold.
-    numbers
-        Whether all columns but the first hold numbers.
-    prose
-        Whether the last column holds sentences, with code in backticks; it is stacked.
-    stacked
-        Whether a phone shows the last column below the other cells.
+    The cells in `bold`, by row and column, are bold. With `numbers`, all columns but the first hold numbers. With
+    `prose`, the last column holds sentences, with code in backticks. A phone shows the last column below the other
+    cells if it is `stacked` or prose.
     """
     lines = []
     for number, row in enumerate(rows):

@@ -22,23 +22,14 @@ AT_FACES = {
 
 
 class Place(NamedTuple):
-    """The place of a defect.
+    """The place of a defect."""
 
-    Parameters
-    ----------
-    mesh, finding, label
-        Names of the mesh and the finding, and a label such as "face 17".
-    at
-        Position in mesh units.
-    radius
-        Radius of the defect in mesh units.
-    """
-
+    # mesh, finding, label: names of the mesh and the finding, and a label such as "face 17"
     mesh: str
     finding: str
     label: str
-    at: tuple[float, ...]
-    radius: float
+    at: tuple[float, ...]  # position in mesh units
+    radius: float  # radius of the defect in mesh units
 
 
 def places(given: Given, found: Inspection) -> list[Place]:

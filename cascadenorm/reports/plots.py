@@ -23,14 +23,7 @@ FONT = 13
 def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
     """Draw how values are spread, a row each: box from the first to the third quartile, whiskers from 5 to 95 %.
 
-    Parameters
-    ----------
-    rows
-        Names and their values, at least one each.
-    title
-        What the plot shows.
-    label
-        Name and unit of the values.
+    The rows are names and their values, at least one each. The label is the name and unit of the values.
     """
     boxes = [
         {name: float(np.quantile(np.asarray(values), share)) for name, share in QUANTILES.items()}

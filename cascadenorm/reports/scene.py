@@ -28,22 +28,13 @@ LITTLE = 0.02
 
 
 class _Frame(NamedTuple):
-    """The box in which positions are quantised.
+    """The box in which positions are quantised."""
 
-    Parameters
-    ----------
-    lower, extent
-        (3,) lower corner and size for the scaled meshes.
-    levels
-        Number of levels along each side.
-    unit
-        Unit length of the scaled meshes in the unit of the files.
-    """
-
+    # lower, extent: (3,) lower corner and size for the scaled meshes
     lower: NDArray[np.float64]
     extent: NDArray[np.float64]
-    levels: int
-    unit: float
+    levels: int  # number of levels along each side
+    unit: float  # unit length of the scaled meshes in the unit of the files
 
     def codes(self, vertices: Vectors) -> NDArray[np.int64]:
         """Return (n, 3) quantised positions; 0 along a side without length."""
@@ -102,13 +93,7 @@ def _characters(packs: Any) -> int:
 
 
 class Comparison:
-    """Scenes of a mesh and of results with the same faces; shared data are computed once.
-
-    Parameters
-    ----------
-    before
-        Input mesh.
-    """
+    """Scenes of a mesh and of results with the same faces; shared data are computed once."""
 
     def __init__(self, before: Given) -> None:
         self._given, self._mesh = before, before.mesh
@@ -122,10 +107,7 @@ class Comparison:
     def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
         """Return what extends the first scene to both meshes, or a whole scene if the result does not fit its box.
 
-        Parameters
-        ----------
-        vertices
-            (n, 3) vertices of `after`, in the order of the mesh before.
+        The vertices of `after`, (n, 3), are in the order of the mesh before.
         """
         before, mesh = scaled_alike(self._mesh, self._mesh.moved(vertices))
         unit = scale_between(self._mesh, before)

@@ -1,11 +1,12 @@
 """Reports: one HTML file that shows meshes, their properties, what was done, and how to reproduce it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary
 from cascadenorm.errors import OutputError, ParameterError, counted
@@ -14,28 +15,23 @@ from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.registry import find
-from cascadenorm.render import Camera, Panel, inline_svg, montage, render
+from cascadenorm.render import Camera, HeatMap, Panel, inline_svg, montage, render
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
-from cascadenorm.reports.page import code, folded, listed, page, plain_page, table
+from cascadenorm.reports.page import code, folded, listed, page, table
 from cascadenorm.reports.places import Place, places
 from cascadenorm.reports.scene import scene
 
-PICTURE = (560, 560)
-"""Size of each picture of a mesh, in pixels."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURE = 560
+"""Width and height of each picture of a mesh, in pixels."""
 
 
 class Contents(NamedTuple):
-    """The inspections and measures of a report, by mesh: "mesh", or "before" and "after".
-
-    Parameters
-    ----------
-    inspections
-        Inspection of each mesh.
-    measures
-        Errors of each mesh against the truth; empty without one.
-    """
+    """The inspections of a report, and errors against the truth, if any, by mesh: "mesh", or "before" and "after"."""
 
     inspections: dict[str, Inspection]
     measures: dict[str, Measures]
@@ -133,13 +129,13 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
     title = f"{Path(shown[0].name).name} – {'denoised' if done else 'mesh report'}"
     why = _undrawn(shown[0]) if len(shown) == 1 else None
     if why is not None:
-        return plain_page(title, [f"There is nothing to show: {why}."], sections)
+        return page(title, [f"There is nothing to show: {why}."], sections)
     return page(
         title,
         headline(inspected, done),
         sections,
         tiles=key_figures(inspected, measured, done),
-        picture=_picture(shown, caption),
+        picture=inline_svg(drawn(shown, PICTURE), caption),
         caption=caption,
         scene=scene(shown, found),
     )
@@ -204,12 +200,9 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
     return title + (f"<dl>{''.join(rows)}</dl>" if rows else "<p>No defects.</p>")
 
 
-def _picture(shown: Sequence[Given], about: str) -> str:
-    """Draw all meshes side by side from the best view of the last."""
+def drawn(shown: Sequence[Given], size: int, heat: Mapping[str, HeatMap] = MappingProxyType({})) -> "Figure":
+    """Draw all meshes side by side from the best view of the last, some with values as colours, by their keys."""
     meshes = scaled_alike(*(one.mesh for one in shown))
-    view = Camera.looking_at(meshes[-1])
-    drawn = [
-        Panel(render(mesh, view=view, size=PICTURE, transparent=True), one.label)
-        for one, mesh in zip(shown, meshes, strict=True)
-    ]
-    return inline_svg(montage([drawn]), about)
+    style: dict[str, Any] = {"view": Camera.looking_at(meshes[-1]), "size": (size, size), "transparent": True}
+    named = zip(shown, meshes, strict=True)
+    return montage([[Panel(render(mesh, values=heat.get(one.key), **style), one.label) for one, mesh in named]])

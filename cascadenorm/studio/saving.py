@@ -3,7 +3,7 @@
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
@@ -17,21 +17,10 @@ from cascadenorm.errors import OutputError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output, write_together
 from cascadenorm.io.files import check_target
-from cascadenorm.reports.facts import command_line, python_call
+from cascadenorm.reports.facts import Recipe, command_line, python_call
 from cascadenorm.studio.painting import has_paint
 from cascadenorm.studio.settings import Chosen
 from cascadenorm.studio.workbench import Workbench
-
-
-class Recipe(NamedTuple):
-    """Names and settings that reproduce a file, with arrays named by their files."""
-
-    source: str
-    output: str
-    method: str
-    parameters: dict[str, Any]
-    strength: float
-    controls: dict[str, Any]
 
 
 def save(

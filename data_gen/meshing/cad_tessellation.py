@@ -31,15 +31,8 @@ LOW_DIGITS = 0.2
 def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
     """Make a random part about the origin that extends to a distance of 1 from it.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces. None draws a usual tolerance instead.
-
-    Raises
-    ------
-    UnfitShapeError
-        Loops cross, or the number of faces cannot be reached.
+    It has about `faces` faces; None draws a usual tolerance instead. Raises UnfitShapeError if loops cross, or if the
+    number of faces cannot be reached.
     """
     make = MAKERS[rng.integers(len(MAKERS))]
     seed = int(rng.integers(2**31))
@@ -79,7 +72,7 @@ def _finished(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
 def plate_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
     """Return a plate of any outline with worked edges, holes, countersinks, pins and domes."""
     part = PartBuilder(delaunay=bool(rng.random() < 0.6), rng=rng)
-    outline, height = sketch(1.0, tolerance=tolerance, rng=rng), float(rng.uniform(0.05, 0.6))
+    outline, height = sketch(1.0, tolerance=tolerance, rng=rng), rng.uniform(0.05, 0.6)
     edge = float(rng.choice([0.0, 0.02, 0.05])) * min(1.0, 3 * height)
     upper = _edge(edge, tolerance=tolerance, rng=rng)
     lower = upper if rng.random() < 0.4 else [(0.0, 0.0)]
@@ -98,7 +91,7 @@ def plate_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
 def shell_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
     """Return a curved sheet between two trimmed freeform surfaces, with a vertex density that follows the curvature."""
     part = PartBuilder(delaunay=True, rng=rng)  # ear clipping alone would fold over the hills
-    outline, thickness = sketch(1.0, tolerance=tolerance, rng=rng), float(rng.uniform(0.03, 0.3))
+    outline, thickness = sketch(1.0, tolerance=tolerance, rng=rng), rng.uniform(0.03, 0.3)
     count, waves = int(rng.integers(1, 4)), rng.normal(size=(3, 2)) * rng.uniform(0.5, 3)
     heights, phases = rng.uniform(0.02, 0.2, 3) * (np.arange(3) < count), rng.uniform(0, 6, 3)
     bend = float((heights * (waves**2).sum(axis=1)).sum())
@@ -154,9 +147,9 @@ def revolved_mesh(tolerance: float, rng: np.random.Generator) -> Mesh:
 def swept(tolerance: float, rng: np.random.Generator) -> Mesh:
     """Return a tube or bar along a helix with planar ends, or closed to a ring."""
     part = PartBuilder(delaunay=bool(rng.random() < 0.5), rng=rng)
-    closed, turns = rng.random() < 0.3, float(rng.uniform(0.4, 3.0))
-    width = float(rng.uniform(0.06, 0.25))
-    pitch = float(rng.uniform(2.4, 5)) * width
+    closed, turns = rng.random() < 0.3, rng.uniform(0.4, 3.0)
+    width = rng.uniform(0.06, 0.25)
+    pitch = rng.uniform(2.4, 5) * width
     angle_of_all = 2 * np.pi * (1.0 if closed else turns)
     steps = chords(1.0, angle_of_all, tolerance=tolerance)
     s = np.linspace(0, angle_of_all, steps + 1)[: steps if closed else None]
@@ -201,7 +194,7 @@ def _rings(part: PartBuilder, loop: Loop, profile: WallProfile) -> list[Ring]:
 def _places(outline: Loop, *, least: float, rng: np.random.Generator) -> list[tuple[Floats, float]]:
     """Return centres and radii of discs within an outline that touch neither it nor each other."""
     shared = rng.random() < 0.5
-    usual = float(rng.uniform(0.03, 0.25))
+    usual = rng.uniform(0.03, 0.25)
     found: list[tuple[Floats, float]] = []
     border = _subdivided(outline, 0.02).points
     for _ in range(int(rng.choice([0, 10, 40, 160]))):
@@ -253,7 +246,7 @@ def _feature(part: PartBuilder, center: Floats, room: float, height: float, abov
         loop = rounded(corners, size * rng.choice([0.0, 0.2]), tolerance=tolerance)
     else:
         loop = circle(size, tolerance=tolerance)
-    loop = loop.moved(center, turn=float(rng.uniform(0, 2 * np.pi)))
+    loop = loop.moved(center, turn=rng.uniform(0, 2 * np.pi))
     fillet = float(rng.choice([0.0, 0.15])) * size
     angle = np.linspace(0, np.pi / 2, chords(fillet, np.pi / 2, tolerance=tolerance) + 1) if fillet else np.zeros(1)
     if kind in ("through", "countersunk"):
@@ -264,7 +257,7 @@ def _feature(part: PartBuilder, center: Floats, room: float, height: float, abov
         rings = _rings(part, loop, [(0.0, height), (0.0, height * rng.uniform(0.3, 0.8))])
         part.face(rings[-1])
     elif kind == "pin":
-        tall = height + float(rng.uniform(0.1, 0.5))
+        tall = height + rng.uniform(0.1, 0.5)
         foot = [(fillet * (1 - np.sin(a)), height + fillet * (1 - np.cos(a))) for a in angle]
         rings = _rings(part, loop, [*foot, (0.0, tall)])
         part.face(rings[-1])

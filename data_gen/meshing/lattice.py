@@ -1,6 +1,6 @@
 """Sample a field on a lattice, only near the surface.
 
-The lattice may be jittered and stretched.
+The lattice may be jittered.
 """
 
 from typing import NamedTuple
@@ -25,8 +25,7 @@ class Lattice(NamedTuple):
 
 
 def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
-           stretch: ArrayLike = (1.0, 1.0, 1.0), turn: Vectors | None = None, open_boundary: bool = False,
-           rng: np.random.Generator) -> Lattice:  # fmt: skip
+           turn: Vectors | None = None, open_boundary: bool = False, rng: np.random.Generator) -> Lattice:  # fmt: skip
     """Evaluate a field on a lattice over a box.
 
     Parameters
@@ -37,16 +36,13 @@ def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing:
         Mean length of the lattice's edges.
     jitter
         Largest random displacement of the nodes, relative to the spacing.
-    stretch
-        Relative edge lengths along the lattice's axes.
     turn
         Rotation of the lattice's axes about the middle of the box.
     open_boundary
         Whether the surface ends at the border of the lattice instead of being closed there.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
-    steps = np.asarray(stretch, np.float64)
-    steps = spacing * steps / steps.prod() ** (1 / 3)
+    steps = np.full(3, spacing)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     if turn is not None and not open_boundary:
         half = np.abs(turn.T) @ half
@@ -67,10 +63,7 @@ def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing:
 def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 1) -> NDArray[np.float64]:
     """Return nodes about the origin that cover the box from -half to half, (p, q, r, 3), `steps` apart along the axes.
 
-    Parameters
-    ----------
-    cells
-        Number of which the count of cells along each axis is a multiple.
+    The number of steps along each axis is a multiple of `cells`.
     """
     counts = cells * np.ceil(2 * half / (cells * steps)).astype(int) + 1
     axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]
@@ -84,20 +77,16 @@ def _values(field: DistanceField, nodes: NDArray[np.float64], *, reach: float) -
     blocks: NDArray[np.int_] = np.array(coarse.shape) - 1
     near = np.full(tuple(blocks), np.inf)
     low, high = near.copy(), -near
-    for a in (0, 1):
-        for b in (0, 1):
-            for c in (0, 1):
-                part = coarse[a : a + blocks[0], b : b + blocks[1], c : c + blocks[2]]
-                np.minimum(near, np.abs(part), out=near)
-                np.minimum(low, part, out=low)
-                np.maximum(high, part, out=high)
+    for a, b, c in np.ndindex(2, 2, 2):
+        part = coarse[a : a + blocks[0], b : b + blocks[1], c : c + blocks[2]]
+        np.minimum(near, np.abs(part), out=near)
+        np.minimum(low, part, out=low)
+        np.maximum(high, part, out=high)
     active = (near < reach) | ((low < 0) & (high >= 0))
     spread = active.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)
     wanted = np.zeros(nodes.shape[:3], bool)
-    for a in (0, 1):
-        for b in (0, 1):
-            for c in (0, 1):
-                wanted[a : a + spread.shape[0], b : b + spread.shape[1], c : c + spread.shape[2]] |= spread
+    for a, b, c in np.ndindex(2, 2, 2):
+        wanted[a : a + spread.shape[0], b : b + spread.shape[1], c : c + spread.shape[2]] |= spread
     last = [slice(0, count) for count in nodes.shape[:3]]
     values = coarse.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)[tuple(last)].copy()
     values[wanted] = field(nodes[wanted])

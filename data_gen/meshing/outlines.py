@@ -12,18 +12,10 @@ WIDEST_CHORD = 0.5
 
 
 class Loop(NamedTuple):
-    """A counterclockwise loop of k points.
+    """A counterclockwise loop of k points."""
 
-    Parameters
-    ----------
-    points
-        (k, 2) positions.
-    outward
-        (k, 2) offset directions: point + d · outward is the point of the loop offset by d.
-    """
-
-    points: Points
-    outward: Points
+    points: Points  # (k, 2) positions
+    outward: Points  # (k, 2) offset directions: point + d · outward is the point of the loop offset by d
 
     def offset(self, distance: float) -> Points:
         """Return the points of the offset loop, (k, 2)."""

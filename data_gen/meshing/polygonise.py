@@ -45,14 +45,9 @@ def gradients(field: DistanceField, points: Vectors, *, step: float) -> Vectors:
 
 
 def projected(field: DistanceField, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
-    """Move points along the gradient to the zero level of the field.
+    """Move points along the gradient to the zero level of the field, by at most `reach` sizes in each step.
 
-    Parameters
-    ----------
-    size
-        Length that is small compared with the shape and much larger than the step of the differences.
-    reach
-        Largest length of a step, in `size`.
+    The size is a length that is small compared with the shape and much larger than the step of the differences.
     """
     for _ in range(steps):
         slope = gradients(field, points, step=1e-3 * size)

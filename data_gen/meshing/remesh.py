@@ -30,11 +30,6 @@ THIN_QUALITY = 0.06  # triangles of lower quality than this are repaired
 TINY_EDGE = 0.12  # edges shorter than this share of the target are artefacts of the polygoniser, even along creases
 
 
-def split_long(half_edges: HalfEdges, *, bound: float = LONG) -> None:
-    """Halve edges longer than `bound` target lengths while there is room."""
-    _split_long(half_edges, bound)
-
-
 def collapse_short(half_edges: HalfEdges, *, bound: float = SHORT) -> None:
     """Collapse edges shorter than `bound` target lengths where this preserves creases and the surface."""
     _collapse_short(half_edges, bound)
@@ -58,10 +53,11 @@ def slide(half_edges: HalfEdges, *, share: float) -> None:
 
 
 @kernel
-def _split_long(c: HalfEdges, bound: float) -> None:
+def split_long(c: HalfEdges) -> None:
+    """Halve edges longer than LONG target lengths while there is room."""
     face = 0
     while face < c.used[1]:
-        h, longest = -1, bound
+        h, longest = -1, LONG
         if c.origin[3 * face] != -1:
             for k in range(3 * face, 3 * face + 3):
                 a, b = c.origin[k], c.origin[after(k)]

@@ -16,21 +16,14 @@ from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.mesh import Mesh, Vectors
 
-LARGEST_ASPECT = 4.0  # largest ratio of the sides of a quadrilateral
 FEWEST_CAGE_FACES = 60
 
 
 def grid_faces(rows: int, columns: int, *, around: tuple[bool, bool], rng: np.random.Generator) -> NDArray[np.int32]:
     """Split each quadrilateral of a grid of vertices into two triangles.
 
-    The diagonals all run one way, alternate, or are random.
-
-    Parameters
-    ----------
-    rows, columns
-        Numbers of vertices.
-    around
-        Whether the rows, and the columns, are cyclic.
+    The diagonals all run one way, alternate, or are random. `around` tells whether the rows, and the columns, are
+    cyclic.
     """
     index = np.arange(rows * columns).reshape(rows, columns)
     if around[0]:
@@ -62,7 +55,7 @@ def _torus(faces: int, rng: np.random.Generator) -> Mesh:
     rows, columns = _numbers(faces, log_uniform((0.7, 5.0), rng=rng))
     u = np.linspace(0, 2 * np.pi, rows, endpoint=False)[:, None]
     v = np.linspace(0, 2 * np.pi, columns, endpoint=False)[None, :]
-    minor = float(rng.uniform(0.12, 0.42)) * (1 + rng.uniform(0, 0.25) * np.cos(int(rng.integers(2, 7)) * v))
+    minor = rng.uniform(0.12, 0.42) * (1 + rng.uniform(0, 0.25) * np.cos(int(rng.integers(2, 7)) * v))
     minor = minor * (1 + rng.uniform(0, 0.2) * np.cos(int(rng.integers(1, 6)) * u))
     distance = 0.75 + minor * np.cos(v)
     height = minor * np.sin(v) + rng.uniform(0, 0.25) * np.sin(int(rng.integers(1, 4)) * u)
@@ -116,10 +109,7 @@ STRUCTURED: tuple[Callable[[int, np.random.Generator], Mesh], ...] = (_torus, _r
 def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Make a surface over a grid of parameters with about `faces` faces.
 
-    Raises
-    ------
-    UnfitShapeError
-        The surface is not manifold or has degenerate faces.
+    Raises UnfitShapeError if it is not manifold or has degenerate faces.
     """
     mesh = STRUCTURED[rng.integers(len(STRUCTURED))](faces, rng)
     fit(mesh)
@@ -127,19 +117,9 @@ def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
 
 
 def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh:
-    """Decimate a mesh to a cage and subdivide it smoothly (Loop 1987) or within the planes of its faces.
+    """Decimate a closed mesh to a cage and subdivide it smoothly (Loop 1987) or within the planes of its faces.
 
-    Parameters
-    ----------
-    mesh
-        Closed surface with more faces than the cage.
-    faces
-        Wanted number of faces. The cage has fewer by a power of four.
-
-    Raises
-    ------
-    UnfitShapeError
-        The cage is invalid or has too few faces.
+    The cage has fewer faces than wanted by a power of four. Raises UnfitShapeError if it is invalid or has too few.
     """
     levels = int(rng.integers(1, 4))
     cage_faces = faces // 4**levels

@@ -13,6 +13,7 @@ from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, part_of
 
 HALF_SIDE = 1.6  # shapes are searched for in a cube with this half side
+JITTER = 0.2  # largest random displacement of the nodes of a lattice, relative to their spacing
 ROUGH = 0.09  # spacing of the coarse lattice of the first search
 
 
@@ -66,15 +67,11 @@ def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[
 
 
 def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
-                window: Window | None = None, relative_jitter: float = 0.2) -> Mesh:  # fmt: skip
+                window: Window | None = None) -> Mesh:  # fmt: skip
     """Polygonise a field with about `faces` triangles on a randomly rotated and jittered lattice.
 
-    Parameters
-    ----------
-    sharp
-        Whether to use dual contouring instead of marching cubes.
-    window
-        Corners of a box at which the surface is cut open. None keeps the whole shape.
+    A sharp one is polygonised by dual contouring instead of marching cubes. A window is the box at which the surface is
+    cut open.
     """
     spacing = float(np.sqrt(2.3 * extent.area / faces))
     lower, upper = (extent.lower, extent.upper) if window is None else window
@@ -83,7 +80,7 @@ def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool
         lower=lower,
         upper=upper,
         spacing=spacing,
-        jitter=relative_jitter,
+        jitter=JITTER,
         turn=random_rotation(rng=rng),
         open_boundary=window is not None,
         rng=rng,
@@ -100,6 +97,11 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     label = mesh.topology.face_components
     counts = np.bincount(label)
     return part_of(mesh, (counts >= share * counts.max())[label])[0]
+
+
+def disentangled(mesh: Mesh, *, share: float) -> Mesh:
+    """Return the largest components of a surface as a manifold; see `largest_components` and `untangled`."""
+    return largest_components(untangled(largest_components(mesh, share=share)), share=share)
 
 
 def fit(mesh: Mesh) -> None:

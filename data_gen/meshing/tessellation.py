@@ -26,16 +26,9 @@ ASTRAY = 0.006  # share of the faces that may deviate from the normal of the sur
 def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
                tessellation: Tessellation | None = None,
                window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
-    """Make a mesh of about `faces` triangles of a field.
+    """Make a mesh of about `faces` triangles of a field, whose edges become edges of the mesh if it is sharp.
 
-    Parameters
-    ----------
-    sharp
-        Whether edges of the shape become edges of the mesh.
-    tessellation
-        Kind of tessellation. None draws one.
-    window
-        Box at which the surface is cut open.
+    Without a tessellation, one is drawn. A window is the box at which the surface is cut open.
     """
     if tessellation is None:
         tessellation = rng.choice(get_args(Tessellation), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])
@@ -116,10 +109,10 @@ def field_normals(field: DistanceField, mesh: Mesh) -> Vectors:
 
 def _lattice(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Keep the stairs and stripes of the lattice and remove only slivers."""
-    collapse_short(half_edges, bound=float(rng.uniform(0.25, 0.45)))
+    collapse_short(half_edges, bound=rng.uniform(0.25, 0.45))
     flip_edges(half_edges, rule="delaunay")
     for _ in range(rng.integers(0, 3)):
-        slide(half_edges, share=float(rng.uniform(0.2, 0.6)))
+        slide(half_edges, share=rng.uniform(0.2, 0.6))
     settle(field, half_edges)
 
 
@@ -146,8 +139,8 @@ def _even(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator)
 def _graded(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Make triangles whose size varies smoothly over the shape."""
     base = half_edges.length[0]
-    drift = noise(wavelength=float(rng.uniform(0.2, 1.0)), rng=rng)
-    strength = float(rng.uniform(0.3, 0.9))
+    drift = noise(wavelength=rng.uniform(0.2, 1.0), rng=rng)
+    strength = rng.uniform(0.3, 0.9)
     for _ in range(2):
         half_edges.length[:] = base * np.exp(strength * drift(half_edges.points))
         _relaxed(field, half_edges, rng, 2)
@@ -168,7 +161,7 @@ def _jittered(field: DistanceField, half_edges: HalfEdges, rng: np.random.Genera
     """Make even triangles, then move vertices randomly within the surface."""
     _relaxed(field, half_edges, rng, 3)
     free = np.flatnonzero(half_edges.kind == SMOOTH)
-    amount = float(rng.uniform(0.08, 0.25)) * half_edges.length[0]
+    amount = rng.uniform(0.08, 0.25) * half_edges.length[0]
     half_edges.points[free] += amount * rng.normal(size=(len(free), 3))
     settle(field, half_edges)
     flip_edges(half_edges, rule="delaunay")

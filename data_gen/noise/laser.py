@@ -20,18 +20,8 @@ def laser_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generato
     """Displace the vertices of a sheet along the viewing direction, which is its mean normal.
 
     The errors of triangulating scanners grow on steep surfaces and beside jumps in depth, where only part of the laser
-    stripe meets the surface. Neighbouring samples share part of the stripe (Curless, Levoy 1995).
-
-    Parameters
-    ----------
-    mesh
-        Sheet with n vertices seen from one side.
-    deviation
-        Root mean square of the error, in mesh units.
-
-    Returns
-    -------
-    (n, 3) displacements in parallel rows.
+    stripe meets the surface. Neighbouring samples share part of the stripe (Curless, Levoy 1995). Their root mean
+    square is `deviation`, in mesh units. Returns (n, 3) displacements in parallel rows.
     """
     mean = mesh.area_vectors.sum(axis=0)
     toward = mean / max(float(np.linalg.norm(mean)), np.finfo(float).tiny)

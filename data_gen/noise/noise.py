@@ -17,18 +17,9 @@ WHITE_SHARE = 0.15, 0.8  # deviation of the white noise added to correlated nois
 FINEST = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
 
 NoiseKind = Literal[
-    "normal",
-    "gaussian",
-    "uniform",
-    "impulsive",
-    "varying",
-    "mixed",
-    "correlated",
-    "quantised",
-    "sensor",
-    "laser",
+    "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "quantised", "sensor", "laser",
     "none",
-]
+]  # fmt: skip
 """Kinds of noise.
 
 - `normal`: Gaussian along vertex normals.
@@ -46,19 +37,10 @@ NoiseKind = Literal[
 
 
 def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.Generator) -> Vectors:
-    """Draw noise for the vertices of a mesh.
+    """Draw noise of a kind for the vertices of a mesh, (n, 3).
 
-    Parameters
-    ----------
-    kind
-        See NoiseKind.
-    level
-        Standard deviation along the normal or of each coordinate, in mean edge lengths. For impulsive noise, the
-        deviation at the affected vertices.
-
-    Returns
-    -------
-    (n, 3) displacements, float64.
+    The level is the standard deviation along the normal or of each coordinate, in mean edge lengths; for impulsive
+    noise, at the affected vertices.
     """
     if kind not in _KINDS:
         raise ValueError(f"noise kind is {kind!r}; it must be one of {', '.join(get_args(NoiseKind))}")
@@ -92,7 +74,7 @@ def _impulsive(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vector
 
 
 def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    pattern = drift(wavelength=float(rng.uniform(0.2, 0.8)) * mesh.diagonal, rng=rng)
+    pattern = drift(wavelength=rng.uniform(0.2, 0.8) * mesh.diagonal, rng=rng)
     factor = np.exp(2 * pattern(mesh.vertices))
     return _along_normals(mesh, factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor)))
 
@@ -112,7 +94,7 @@ def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vecto
     spread = blurred(white, neighbor_means(mesh), round(float(WIDEST_NOISE ** rng.random())))
     spread *= deviation / np.sqrt(np.mean(spread**2))
     error = spread * mesh.vertex_normals if along else spread
-    return np.asarray(error + _normal(mesh, float(rng.uniform(*WHITE_SHARE)) * deviation, rng))
+    return np.asarray(error + _normal(mesh, rng.uniform(*WHITE_SHARE) * deviation, rng))
 
 
 def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
@@ -125,18 +107,6 @@ def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vector
     return np.asarray(spacing * (np.round(nodes) - nodes) @ turn.T)
 
 
-def _sensor(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return sensor_displacements(mesh, deviation, rng=rng)
-
-
-def _laser(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return laser_displacements(mesh, deviation, rng=rng)
-
-
-def _none(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return np.zeros(mesh.vertices.shape)
-
-
 _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] = {
     "normal": _normal,
     "gaussian": _gaussian,
@@ -146,7 +116,7 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "mixed": _mixed,
     "correlated": _correlated,
     "quantised": _quantised,
-    "sensor": _sensor,
-    "laser": _laser,
-    "none": _none,
+    "sensor": lambda mesh, deviation, rng: sensor_displacements(mesh, deviation, rng=rng),
+    "laser": lambda mesh, deviation, rng: laser_displacements(mesh, deviation, rng=rng),
+    "none": lambda mesh, deviation, rng: np.zeros(mesh.vertices.shape),
 }

@@ -16,17 +16,7 @@ RELIEF_HEIGHTS = 0.05, 1.0  # root mean square of averaged white noise, in mean 
 
 
 def relief(mesh: Mesh, *, rng: np.random.Generator) -> Vectors:
-    """Draw a smooth displacement along the normals, 3 to 40 edges wide.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-
-    Returns
-    -------
-    (n, 3) displacements in mesh units.
-    """
+    """Draw a smooth displacement along the normals, 3 to 40 edges wide. Returns (n, 3) displacements in mesh units."""
     kind = rng.choice(["averaged", "pattern", "sines"], p=[0.4, 0.36, 0.24])
     if kind == "averaged":
         white = rng.normal(size=len(mesh.vertices))

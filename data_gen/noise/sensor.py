@@ -15,30 +15,19 @@ HIGHEST_STEPS = 5.0  # largest height of rounding steps, relative to terraces on
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, *, rng: np.random.Generator) -> Vectors:
-    """Displace vertices along the viewing direction.
+    """Displace the vertices of a sheet seen from one side, or of a closed surface, along the viewing direction.
 
     The viewing direction is the mean normal of a sheet, or random for a closed surface. Errors of neighbours are
     correlated, since a camera matches windows of pixels. Where the surface is steep to the view, rounding of the
     disparity makes terraces (Khoshelham, Elberink 2012; Barron, Malik 2013). The whole error can therefore be several
-    times larger than its difference between neighbouring pixels.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices: a sheet seen from one side, or a closed surface.
-    deviation
-        Approximate deviation of the error between neighbouring vertices, in mesh units: white noise of this standard
-        deviation differs as much between neighbours.
-
-    Returns
-    -------
-    (n, 3) displacements, float64, in parallel rows.
+    times larger than its difference between neighbouring pixels. That is about as large as the difference of white
+    noise with the standard deviation `deviation`, in mesh units. Returns (n, 3) displacements in parallel rows.
     """
     mean = mesh.area_vectors.sum(axis=0)
     closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
     toward = random_direction(rng=rng) if closed else unit(mean[None])[0]
     depth = -mesh.vertices @ toward
-    distance = depth + float(rng.uniform(1.5, 6)) * mesh.diagonal - depth.mean()
+    distance = depth + rng.uniform(1.5, 6) * mesh.diagonal - depth.mean()
     return np.asarray(camera_errors(distance, mesh, deviation, rng=rng)[:, None] * toward)
 
 
@@ -55,7 +44,7 @@ def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.r
     seen = blurred(distance, blur, int(rng.integers(0, 3))) + white * rng.normal(size=len(distance)) + spread * wide
     # The rounding step applies to the disparity, 1 / distance.
     step = np.sqrt(12) * rounding * HIGHEST_STEPS ** rng.uniform() / np.mean(distance) ** 2
-    phase = float(rng.random())
+    phase = rng.random()
     rounded = 1 / (step * np.maximum(np.round(1 / (seen * step) + phase) - phase, 0.5))
     return distance - blurred(rounded, blur, int(rng.integers(0, 3)))
 

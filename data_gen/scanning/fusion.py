@@ -25,32 +25,22 @@ FOLDED = np.radians(5)  # largest mean angle between the clean mesh and the surf
 
 
 def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
-    """Fuse depth images of a field (Curless, Levoy 1996; Newcombe et al. 2011).
+    """Fuse depth images of a field (Curless, Levoy 1996; Newcombe et al. 2011) into a mesh of about `faces` faces.
 
     The cameras are on one side or all around. Unlike noise on the vertices of a mesh, the error determines where
-    triangles are: vertices stay on the edges of the lattice, and those of a sliver have similar errors.
-
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the spacing of the lattice.
-    level
-        Deviation of the error between neighbouring pixels, in spacings of the lattice. For cameras all around it is
-        halved, since the surface folds where many images meet.
-
-    Raises
-    ------
-    UnfitShapeError
-        Little is seen, or the detail of the shape is lost in the error or between the nodes.
+    triangles are: vertices stay on the edges of the lattice, and those of a sliver have similar errors. The level is
+    the deviation of the error between neighbouring pixels, in spacings of the lattice. For cameras all around it is
+    halved, since the surface folds where many images meet. Raises UnfitShapeError if little is seen, or if the detail
+    of the shape is lost in the error or between the nodes.
     """
     around = bool(rng.random() < 0.5)
     spacing = float(np.sqrt(2.3 * LIT[around] * extent.area / faces))
-    step = spacing * float(rng.uniform(0.6, 1.6))
+    step = spacing * rng.uniform(0.6, 1.6)
     deviation = level * spacing * (0.5 if around else 1.0)
-    truncation = spacing * float(rng.uniform(2.5, 5)) + 2 * deviation
+    truncation = spacing * rng.uniform(2.5, 5) + 2 * deviation
     distance = float(rng.choice(DISTANCES))
     facing = random_rotation(rng=rng)
-    spread = np.pi if around else float(rng.uniform(0, TURNED))
+    spread = np.pi if around else rng.uniform(0, TURNED)
     smooth = bool(rng.random() < 0.5)
     images = []
     for _ in range(round(IMAGES * 2 ** rng.random() if around else IMAGES ** rng.random())):
@@ -94,10 +84,7 @@ def _distances(
 ) -> NDArray[np.float64]:
     """Average the signed distances of the nodes over the images, (p, q, r); NaN far behind the surface.
 
-    Parameters
-    ----------
-    smooth
-        Whether depths between pixels are interpolated instead of taken from the nearest pixel.
+    Depths between pixels are interpolated if `smooth`, and otherwise taken from the nearest pixel.
     """
     points = nodes.reshape(-1, 3)
     total, count = np.zeros(len(points)), np.zeros(len(points), np.int64)

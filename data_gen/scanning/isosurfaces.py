@@ -3,8 +3,7 @@
 import numpy as np
 
 from cascadenorm.data_gen.meshing.polygonise import projected
-from cascadenorm.data_gen.meshing.surface import Extent, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.tetrahedra import FACES_PER_VOXEL_SIDE, marching_tetrahedra
 from cascadenorm.data_gen.scanning.volumes import (
     SMALLEST_COMPONENT,
@@ -29,24 +28,13 @@ it."""
 def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
     """Mesh the level of an exact field, whose only error is the interpolation between the nodes of a lattice.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the edge of a voxel.
-
-    Raises
-    ------
-    UnfitShapeError
-        The field has no surface in the volume.
+    The mesh has about `faces` faces. Raises UnfitShapeError if the field has no surface in the volume.
     """
     mesher, density, _ = MESHERS[str(rng.choice(list(MESHERS), p=[share for *_, share in MESHERS.values()]))]
     voxel = float(np.sqrt(density * extent.area / faces))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
-    placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
-    placed = largest_components(
-        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
-    )
+    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
     if rng.random() < RELAXED_SHARE:
         placed = placed.moved(projected(field, placed.vertices, size=0.3 * voxel))
     return placed

@@ -13,21 +13,11 @@ FARTHEST_CELLS = 3.0  # largest distance, in cells, between a face and its part 
 
 
 class Measured(NamedTuple):
-    """A measured mesh and its ground truth.
-
-    Parameters
-    ----------
-    noisy
-        Mesh with m faces.
-    clean
-        Mesh with the same faces over the points of the shape beneath the vertices.
-    normals
-        (m, 3) true normal of each face of the noisy mesh; zero where it is unknown.
-    """
+    """A measured mesh and its ground truth."""
 
     noisy: Mesh
-    clean: Mesh
-    normals: Vectors
+    clean: Mesh  # with the same m faces, over the points of the shape beneath the vertices
+    normals: Vectors  # (m, 3) true normal of each face of the noisy mesh; zero where it is unknown
 
     @classmethod
     def on_surface(cls, noisy: Mesh, clean: Mesh) -> "Measured":
@@ -38,17 +28,10 @@ class Measured(NamedTuple):
 def beneath(field: DistanceField, noisy: Mesh, *, cell: float) -> Measured:
     """Find the ground truth of a mesh whose triangles differ from those of the shape, such as one made of voxels.
 
-    The true position of a vertex is the nearest point of the shape, found by following the gradient of its field. The
-    true normal of a face is the direction of the gradient at the point nearest to its centroid.
-
-    Parameters
-    ----------
-    field
-        Shape, a signed distance near its surface.
-    noisy
-        Mesh with m faces near the shape.
-    cell
-        Length of the details that the measurement resolves, such as the edge of a voxel.
+    The true position of a vertex is the nearest point of the shape, found by following the gradient of its field, which
+    is a signed distance near the surface. The true normal of a face is the direction of the gradient at the point
+    nearest to its centroid. `cell` is the length of the details that the measurement resolves, such as the edge of a
+    voxel.
     """
     points = projected(field, np.concatenate([noisy.vertices, noisy.centroids]), size=cell, steps=8)
     vertices, feet = np.split(points, [len(noisy.vertices)])

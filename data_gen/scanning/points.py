@@ -8,8 +8,7 @@ from scipy import fft, sparse
 
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.polygonise import gradients, projected
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.volumes import SMALLEST_COMPONENT, volume_surface
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
@@ -29,19 +28,10 @@ NOISIER = 0.3  # share of the point clouds whose error is up to twice the level
 def reconstruction(
     field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
 ) -> Measured:
-    """Reconstruct a shape from points with errors in position and normal, including outliers.
+    """Reconstruct a shape from points with errors in position and normal, including outliers, with about `faces` faces.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the cells of the grid.
-    level
-        Deviation of the points along the normals, in mean distances between points.
-
-    Raises
-    ------
-    UnfitShapeError
-        The points do not define a closed surface.
+    The level is the deviation of the points along the normals, in mean distances between points. Raises UnfitShapeError
+    if the points do not define a closed surface.
     """
     cell = float(np.sqrt(CELLS * extent.area / faces))
     count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST, MOST))
@@ -52,13 +42,10 @@ def reconstruction(
     nodes = grid(half, np.full(3, cell)) + extent.middle
     screening = float(np.exp(rng.uniform(np.log(0.2), np.log(10))))
     gap = float(np.sqrt(extent.area / count) / cell)  # distance between points, in cells
-    width = max(0.6, gap * float(rng.uniform(0.4, 1.0)))
+    width = max(0.6, gap * rng.uniform(0.4, 1.0))
     volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
     mesh = volume_surface(volume)
-    placed = Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces)
-    placed = largest_components(
-        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
-    )
+    placed = disentangled(Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces), share=SMALLEST_COMPONENT)
     measured = beneath(field, placed, cell=cell)
     if (np.abs(measured.normals).max(axis=1) == 0).mean() > 0.2:
         raise UnfitShapeError("too much of the reconstruction is not near the shape")
@@ -70,12 +57,10 @@ def sampled_points(
 ) -> tuple[Vectors, Vectors]:
     """Draw points on a shape with uneven density, errors along the normals, and some outliers, as scanners do.
 
-    Returns
-    -------
-    (n, 3) points and (n, 3) unit normals that err by up to about 20 degrees.
+    Returns (n, 3) points and (n, 3) unit normals that err by up to about 20 degrees.
     """
     axis = random_direction(rng=rng)
-    density = np.exp(float(rng.uniform(0, 1.2)) * (rough.face_normals @ axis))  # one side is seen better
+    density = np.exp(rng.uniform(0, 1.2) * (rough.face_normals @ axis))  # one side is seen better
     weights = rough.areas * density
     face = rng.choice(len(weights), count, p=weights / weights.sum())
     weight = rng.dirichlet(np.ones(3), count)
@@ -84,7 +69,7 @@ def sampled_points(
     normals = unit(gradients(field, points, step=1e-3 * size))
     gap = np.sqrt(rough.area / count)
     points = points + (level * gap * rng.normal(size=count))[:, None] * normals
-    normals = unit(normals + float(rng.uniform(0, 0.35)) * rng.normal(size=normals.shape))
+    normals = unit(normals + rng.uniform(0, 0.35) * rng.normal(size=normals.shape))
     astray = rng.random(count) < OUTLIER_POINTS * rng.random()
     points[astray] += 3 * gap * rng.normal(size=(int(astray.sum()), 3))
     return points, normals
@@ -95,24 +80,10 @@ def poisson(
 ) -> NDArray[np.float64]:
     """Solve for the indicator whose gradient is the field of normals (Kazhdan, Hoppe 2013), on a regular grid.
 
-    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)². V are the normals, spread over the cells around their points. The
-    second sum draws the surface χ = 0 to the points. Conjugate gradients solve the normal equations, preconditioned by
-    the Laplacian, which the Fourier transform inverts.
-
-    Parameters
-    ----------
-    nodes
-        (p, q, r, 3), `cell` apart.
-    points, normals
-        (n, 3); normals point outward.
-    screening
-        Weight of the points relative to the normals.
-    width
-        Deviation of the kernel that spreads the normals, in cells.
-
-    Returns
-    -------
-    (p, q, r) values, above 0.5 inside.
+    It minimises ∫ |∇χ - V|² + screening · Σ χ(p)². V are the outward normals, (n, 3), spread over the cells around
+    their points by a kernel with the deviation `width`, in cells. The second sum draws the surface χ = 0 to the points.
+    Conjugate gradients solve the normal equations, preconditioned by the Laplacian, which the Fourier transform
+    inverts. Returns values at the nodes (p, q, r, 3), which are `cell` apart: (p, q, r), above 0.5 inside.
     """
     shape = nodes.shape[:3]
     interpolation = _trilinear((points - nodes[0, 0, 0]) / cell, shape)

@@ -23,39 +23,23 @@ QUADRILATERAL = ((0, 2), (0, 3), (1, 3), (1, 2))
 def tetrahedral_surface(
     field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
 ) -> Measured:
-    """Mesh a distance field with errors at the nodes of a lattice by marching tetrahedra.
+    """Mesh a distance field with errors at the nodes of a lattice by marching tetrahedra, with about `faces` faces.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the edge of a voxel.
-    level
-        Standard deviation of the error of the distances, in thirds of a voxel.
-
-    Raises
-    ------
-    UnfitShapeError
-        The field has no surface in the volume.
+    The level is the standard deviation of the error of the distances, in thirds of a voxel. Raises UnfitShapeError if
+    the field has no surface in the volume.
     """
     voxel = float(np.sqrt(FACES_PER_VOXEL_SIDE * extent.area / faces))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     distance = sampled(field, nodes) / voxel
-    grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(*GRAIN)))
+    grain = gaussian_filter(rng.normal(size=distance.shape), rng.uniform(*GRAIN))
     mesh = marching_tetrahedra(0.5 - distance + level / 3 * grain / grain.std())
     return measured_surface(field, mesh, nodes, axes, cell=voxel, kept=1.0, rng=rng)
 
 
 def marching_tetrahedra(volume: Volume) -> Mesh:
-    """Mesh the level 0.5 of a volume, with each cell cut into six tetrahedra (Doi, Koide 1991).
+    """Mesh the level 0.5 of a volume, (p, q, r), with each cell cut into six tetrahedra (Doi, Koide 1991).
 
-    Parameters
-    ----------
-    volume
-        (p, q, r) values at the nodes.
-
-    Returns
-    -------
-    Mesh in units of voxels. Normals point to lower values.
+    The mesh is in units of voxels. Normals point to lower values.
     """
     numbers = np.arange(volume.size).reshape(volume.shape)
     values = volume.ravel()

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, UnfitShapeError, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, unit
@@ -96,4 +95,4 @@ def largest_sheets(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
     """Return the larger components of a sheet as a manifold."""
     if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("the view shows next to nothing")
-    return largest_components(untangled(largest_components(Mesh(vertices, faces), share=0.05)), share=0.05)
+    return disentangled(Mesh(vertices, faces), share=0.05)

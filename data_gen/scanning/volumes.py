@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, largest_components
-from cascadenorm.data_gen.meshing.untangle import untangled
+from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_direction, random_rotation
@@ -34,21 +33,12 @@ ENLARGED = 0.15  # share of the segmentations whose labels or distances are samp
 def segmentation(
     field: DistanceField, extent: Extent, *, faces: int, slices: bool, rng: np.random.Generator
 ) -> Measured:
-    """Mesh a binary mask of the shape, whose steps are one voxel high.
+    """Mesh a binary mask of the shape, whose steps are one voxel high, with about `faces` faces.
 
-    Parameters
-    ----------
-    faces
-        Approximate number of faces, which determines the edge of a voxel.
-    slices
-        Whether voxels are 1.5 to 4 times as long along one axis of the lattice as along the others.
-
-    Raises
-    ------
-    UnfitShapeError
-        The mask is empty.
+    In slices, voxels are 1.5 to 4 times as long along one axis of the lattice as along the others. Raises
+    UnfitShapeError if the mask is empty.
     """
-    stretch = float(rng.uniform(1.5, 4)) if slices else 1.0
+    stretch = rng.uniform(1.5, 4) if slices else 1.0
     voxel_faces = bool(rng.random() < VOXEL_FACES)
     nets, kept = (True, 1.0) if voxel_faces else _mesher(rng=rng)
     voxel = float(np.sqrt(STEPPED * (NETS if nets else 1) * extent.area / (faces / kept) / stretch**0.6))
@@ -69,10 +59,10 @@ def _mask(distance: Volume, *, slices: bool, rng: np.random.Generator) -> Volume
     if not slices and rng.random() < ENLARGED:
         return _enlarged(distance, binary=bool(rng.random() < 0.6))
     if rng.random() < 0.3:  # an uncertain boundary, as from a noisy image or manual segmentation
-        grain = gaussian_filter(rng.normal(size=distance.shape), float(rng.uniform(0.5, 1.5)))
-        distance = distance + float(rng.uniform(0.1, 0.6)) * grain / grain.std()
+        grain = gaussian_filter(rng.normal(size=distance.shape), rng.uniform(0.5, 1.5))
+        distance = distance + rng.uniform(0.1, 0.6) * grain / grain.std()
     if slices and rng.random() < 0.3:  # each slice is segmented independently
-        distance = distance + float(rng.uniform(0.1, 0.5)) * rng.normal(size=distance.shape[2])
+        distance = distance + rng.uniform(0.1, 0.5) * rng.normal(size=distance.shape[2])
     volume = (distance < 0).astype(np.float64)
     if rng.random() < 0.25:  # an antialiased or smoothed mask
         volume = gaussian_filter(volume, rng.uniform(0.3, 0.8, 3))
@@ -90,10 +80,7 @@ def _enlarged(distance: Volume, *, binary: bool) -> Volume:
 def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
     """Mesh a level of a grey volume with a point spread and grain that is correlated between neighbours.
 
-    Parameters
-    ----------
-    level
-        Deviation of the grain, in fifths of the contrast.
+    The level is the deviation of the grain, in fifths of the contrast.
     """
     stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
     nets, kept = _mesher(rng=rng)
@@ -101,11 +88,11 @@ def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, 
     steps = voxel * np.array([1.0, 1.0, stretch])
     nodes, axes = random_lattice(extent, steps, rng=rng)
     share = np.clip(0.5 - sampled(field, nodes) / voxel, 0, 1)  # approximate share of a voxel that the shape fills
-    spread = float(rng.uniform(0.4, 1.4))
+    spread = rng.uniform(0.4, 1.4)
     blurred = gaussian_filter(share, spread / np.array([1.0, 1.0, stretch]))
-    grain = gaussian_filter(rng.normal(size=blurred.shape), float(rng.uniform(0.3, 1.3)))
+    grain = gaussian_filter(rng.normal(size=blurred.shape), rng.uniform(0.3, 1.3))
     volume = blurred + 0.2 * level * grain / grain.std()
-    threshold = 0.5 + float(rng.uniform(-0.08, 0.08))
+    threshold = 0.5 + rng.uniform(-0.08, 0.08)
     volume -= threshold - 0.5
     mesh = surface_nets(volume) if nets else volume_surface(volume)
     return measured_surface(field, mesh, nodes, axes, cell=voxel * stretch, kept=kept, rng=rng)
@@ -114,7 +101,7 @@ def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, 
 def _mesher(*, rng: np.random.Generator) -> tuple[bool, float]:
     """Draw whether surface nets mesh a volume instead of marching cubes, and the share of faces that are kept."""
     nets = bool(rng.random() < 0.25)
-    return nets, float(rng.uniform(0.3, 0.8)) if rng.random() < DECIMATED else 1.0
+    return nets, rng.uniform(0.3, 0.8) if rng.random() < DECIMATED else 1.0
 
 
 def volume_surface(volume: Volume) -> Mesh:
@@ -128,16 +115,10 @@ def volume_surface(volume: Volume) -> Mesh:
 
 
 def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
-    """Mesh the level 0.5 with one vertex per cell and one quadrilateral per crossing (Gibson 1998).
+    """Mesh the level 0.5 with one vertex per cell and one quadrilateral per crossing (Gibson 1998), in units of voxels.
 
-    Parameters
-    ----------
-    centered
-        Whether vertices are the centres of their cells, so that the quadrilaterals are voxel faces.
-
-    Returns
-    -------
-    Mesh in units of voxels. Each vertex is the mean of the crossings on the edges of its cell, unless `centered`.
+    Each vertex is the mean of the crossings on the edges of its cell. Centered vertices are the centres of their cells,
+    so that the quadrilaterals are voxel faces.
     """
     inside = volume > 0.5
     number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # number of the vertex of each cell
@@ -218,10 +199,7 @@ def measured_surface(
     rng: np.random.Generator,
 ) -> Measured:
     """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its ground truth."""
-    placed = Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces)
-    placed = largest_components(
-        untangled(largest_components(placed, share=SMALLEST_COMPONENT)), share=SMALLEST_COMPONENT
-    )
+    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
     if kept < 1:
         evenness = float(10 ** rng.uniform(-4, -1))
         placed = thinned(placed, faces=round(kept * len(placed.faces)), evenness=evenness)

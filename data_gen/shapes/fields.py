@@ -27,6 +27,17 @@ def norm(vectors: NDArray[np.float64]) -> Values:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
+def computed(kernel: Callable[..., None], *parameters: NDArray[np.float64]) -> DistanceField:
+    """Return the field whose values a kernel writes, from points and parameters."""
+
+    def distance(points: Vectors) -> Values:
+        values = np.empty(len(points))
+        kernel(points, *parameters, values)
+        return values
+
+    return distance
+
+
 def sphere(*, radius: float) -> DistanceField:
     """Return a ball around the origin."""
     return lambda points: norm(points) - radius
@@ -34,14 +45,7 @@ def sphere(*, radius: float) -> DistanceField:
 
 def box(half: ArrayLike) -> DistanceField:
     """Return a box around the origin with half edge lengths `half`."""
-    half = np.asarray(half, np.float64)
-
-    def distance(points: Vectors) -> Values:
-        values = np.empty(len(points))
-        _box(points, half, values)
-        return values
-
-    return distance
+    return computed(_box, np.asarray(half, np.float64))
 
 
 def ellipsoid(radii: ArrayLike) -> DistanceField:
@@ -98,24 +102,12 @@ def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Dist
     axes = ends - starts
     length2 = np.maximum(np.einsum("ij,ij->i", axes, axes), 1e-12)
     growth = (np.roll(thickness, -1) if closed else thickness[1:]) - thickness[: len(starts)]
-
-    def distance(points: Vectors) -> Values:
-        values = np.empty(len(points))
-        _tube(points, starts, axes, length2, thickness[: len(starts)], growth, values)
-        return values
-
-    return distance
+    return computed(_tube, starts, axes, length2, thickness[: len(starts)], growth)
 
 
 def polytope(normals: Vectors, offsets: Values) -> DistanceField:
     """Return the intersection of half spaces with unit `normals`, each at its offset from the origin."""
-
-    def distance(points: Vectors) -> Values:
-        values = np.empty(len(points))
-        _polytope(points, normals, offsets, values)
-        return values
-
-    return distance
+    return computed(_polytope, normals, offsets)
 
 
 def complement(field: DistanceField) -> DistanceField:

@@ -43,7 +43,7 @@ def skin(body: DistanceField, *, finest: float, layers: int, rng: np.random.Gene
         wavelength = float(np.exp(rng.uniform(np.log(finest), np.log(8 * finest))))
         pattern, steepest = _pattern(rng, wavelength)
         if rng.random() < 0.5:
-            pattern = masked(pattern, noise(wavelength=float(rng.uniform(0.5, 1.2)), rng=rng))
+            pattern = masked(pattern, noise(wavelength=rng.uniform(0.5, 1.2), rng=rng))
         steepness = float(np.exp(rng.uniform(np.log(0.1 * steepest), np.log(steepest))))
         body = pushed_out(body, pattern, amplitude=steepness * wavelength)
     return body
@@ -54,18 +54,18 @@ def _pattern(rng: np.random.Generator, wavelength: float) -> tuple[DistanceField
     kind = rng.integers(9)
     if kind <= 2:
         form: Form = rng.choice(["smooth", "ridged", "billowed"])
-        octaves, gain = int(rng.integers(1, 4)), float(rng.uniform(0.3, 0.6))
+        octaves, gain = int(rng.integers(1, 4)), rng.uniform(0.3, 0.6)
         return noise(wavelength=1.5 * wavelength, octaves=octaves, gain=gain, form=form, rng=rng), 0.15
     if kind == 3:
         return cells(wavelength=1.5 * wavelength, kind="bumps", rng=rng), 0.3
     if kind == 4:
         return cells(wavelength=1.5 * wavelength, kind="cracks", rng=rng), 0.08
     if kind <= 6:
-        wander, sharpness = float(rng.uniform(0.2, 1.5)), float(rng.uniform(0.7, 2))
+        wander, sharpness = rng.uniform(0.2, 1.5), float(rng.uniform(0.7, 2))
         return stripes(wavelength=wavelength, wander=wander, sharpness=sharpness, rng=rng), 0.12
     if kind == 7:
         return crate(wavelength=2 * wavelength, rng=rng), 0.35
-    spots, steepness = float(rng.uniform(-0.7, 0.7)), float(rng.uniform(0.7, 4))
+    spots, steepness = rng.uniform(-0.7, 0.7), rng.uniform(0.7, 4)
     return labyrinth(wavelength=2 * wavelength, spots=spots, steepness=steepness, rng=rng), 0.15
 
 
@@ -75,13 +75,13 @@ def creature(edge: float, rng: np.random.Generator) -> DistanceField:
     parts = [trunk]
     for _ in range(rng.integers(2, 8)):
         start = 0.35 * random_direction(rng=rng)
-        middle = start + float(rng.uniform(0.2, 0.5)) * random_direction(rng=rng) + 0.3 * start
-        end = middle + float(rng.uniform(0.2, 0.45)) * random_direction(rng=rng)
+        middle = start + rng.uniform(0.2, 0.5) * random_direction(rng=rng) + 0.3 * start
+        end = middle + rng.uniform(0.2, 0.45) * random_direction(rng=rng)
         thick = np.sort(rng.uniform(0.05, 0.22, 3))[::-1]
         parts += [limb(start, middle, radii=(thick[0], thick[1])), limb(middle, end, radii=(thick[1], thick[2]))]
         if rng.random() < 0.4:
             parts.append(moved(sphere(radius=float(1.4 * thick[1])), by=end))
-    body = melted(*parts, radius=float(rng.uniform(0.08, 0.4)))
+    body = melted(*parts, radius=rng.uniform(0.08, 0.4))
     if rng.random() < 0.5:
         body = mirrored(body)
     return _gently_warped(body, rng)
@@ -96,12 +96,12 @@ def statue(edge: float, rng: np.random.Generator) -> DistanceField:
 def mounted(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return a statue on a base with sharp edges, or with a planar cut."""
     body = statue(edge, rng)
-    height = float(rng.uniform(0.1, 0.25))
+    height = rng.uniform(0.1, 0.25)
     if rng.random() < 0.3:
         return difference(body, moved(box([2, 1, 2]), by=[0, -1.4 + height, 0]))
     base = box([*rng.uniform(0.4, 0.8, 1), height, *rng.uniform(0.4, 0.8, 1)])
     if rng.random() < 0.5:
-        base = aligned(cylinder(radius=float(rng.uniform(0.4, 0.8)), half_height=height), [0, 1, 0])
+        base = aligned(cylinder(radius=rng.uniform(0.4, 0.8), half_height=height), [0, 1, 0])
     return union(body, moved(base, by=[0, -0.65, 0]))
 
 
@@ -110,7 +110,7 @@ def _lump(rng: np.random.Generator) -> DistanceField:
         moved(ellipsoid(rng.uniform(0.25, 0.6, 3)), by=rng.uniform(-0.4, 0.4, 3), rotation=random_rotation(rng=rng))
         for _ in range(rng.integers(2, 6))
     ]
-    return melted(*parts, radius=float(rng.uniform(0.1, 0.4)))
+    return melted(*parts, radius=rng.uniform(0.1, 0.4))
 
 
 def bust(edge: float, rng: np.random.Generator) -> DistanceField:
@@ -118,27 +118,25 @@ def bust(edge: float, rng: np.random.Generator) -> DistanceField:
     wide, tall, deep = rng.uniform([0.42, 0.55, 0.5], [0.55, 0.7, 0.6])
     skull = ellipsoid([wide, tall, deep])
     jaw = moved(ellipsoid([0.75 * wide, 0.5 * tall, 0.7 * deep]), by=[0, -0.55 * tall, 0.15 * deep])
-    bridge, tip = [0, 0.05, 0.95 * deep], [0, -float(rng.uniform(0.12, 0.25)), deep + float(rng.uniform(0.05, 0.18))]
-    nose = limb(bridge, tip, radii=(0.04, float(rng.uniform(0.06, 0.1))))
-    apart, level = float(rng.uniform(0.15, 0.22)), float(rng.uniform(0.0, 0.08))
+    bridge, tip = [0, 0.05, 0.95 * deep], [0, -rng.uniform(0.12, 0.25), deep + rng.uniform(0.05, 0.18)]
+    nose = limb(bridge, tip, radii=(0.04, rng.uniform(0.06, 0.1)))
+    apart, level = rng.uniform(0.15, 0.22), rng.uniform(0.0, 0.08)
     brow = limb([0, level + 0.11, 0.93 * deep], [apart + 0.09, level + 0.1, 0.75 * deep], radii=(0.04, 0.06))
-    cheek = moved(sphere(radius=float(rng.uniform(0.1, 0.18))), by=[apart + 0.03, -0.15, 0.7 * deep])
-    neck = limb([0, -0.5, -0.05], [0, -1.15, -0.1], radii=(float(rng.uniform(0.22, 0.32)), 0.35))
-    head = melted(skull, jaw, nose, brow, cheek, neck, radius=float(rng.uniform(0.05, 0.15)))
-    socket = moved(sphere(radius=float(rng.uniform(0.07, 0.12))), by=[apart, level, 0.92 * deep])
-    eye = moved(sphere(radius=float(rng.uniform(0.07, 0.09))), by=[apart, level - 0.01, 0.82 * deep])
+    cheek = moved(sphere(radius=rng.uniform(0.1, 0.18)), by=[apart + 0.03, -0.15, 0.7 * deep])
+    neck = limb([0, -0.5, -0.05], [0, -1.15, -0.1], radii=(rng.uniform(0.22, 0.32), 0.35))
+    head = melted(skull, jaw, nose, brow, cheek, neck, radius=rng.uniform(0.05, 0.15))
+    socket = moved(sphere(radius=rng.uniform(0.07, 0.12)), by=[apart, level, 0.92 * deep])
+    eye = moved(sphere(radius=rng.uniform(0.07, 0.09)), by=[apart, level - 0.01, 0.82 * deep])
     face = complement(melted(complement(head), socket, radius=0.06))
     lips = [limb([-0.001, y, 0.86 * deep], [0.12, y, 0.8 * deep], radii=(0.035, 0.02)) for y in (-0.36, -0.42)]
     ear = moved(torus(major=0.09, minor=0.03), by=[wide, 0, 0], rotation=random_rotation(rng=rng))
     whole = mirrored(melted(union(face, eye), *lips, ear, radius=0.03))
-    hair = stripes(
-        wavelength=edge * float(rng.uniform(4, 9)), wander=float(rng.uniform(0.5, 2)), sharpness=1.0, rng=rng
-    )
-    line = float(rng.uniform(0.1, 0.4))
+    hair = stripes(wavelength=edge * rng.uniform(4, 9), wander=float(rng.uniform(0.5, 2)), sharpness=1.0, rng=rng)
+    line = rng.uniform(0.1, 0.4)
     curls = masked(hair, lambda points: points[:, 1] - line - 0.6 * (points[:, 2] - 0.3), width=0.15)
-    whole = pushed_out(whole, curls, amplitude=float(rng.uniform(0.005, 0.02)))
-    pores = noise(wavelength=edge * float(rng.uniform(6, 20)), octaves=3, rng=rng)
-    whole = pushed_out(whole, pores, amplitude=float(rng.uniform(0.0, 0.006)))
+    whole = pushed_out(whole, curls, amplitude=rng.uniform(0.005, 0.02))
+    pores = noise(wavelength=edge * rng.uniform(6, 20), octaves=3, rng=rng)
+    whole = pushed_out(whole, pores, amplitude=rng.uniform(0.0, 0.006))
     return _gently_warped(moved(stretched(whole, 0.9), by=[0, 0.2, 0]), rng)
 
 
@@ -146,16 +144,16 @@ def bumpy(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return a plain closed surface with one strong relief, regular or random."""
     kind = rng.integers(4)
     if kind == 0:
-        body = torus(major=0.75, minor=float(rng.uniform(0.2, 0.42)))
+        body = torus(major=0.75, minor=rng.uniform(0.2, 0.42))
     elif kind == 1:
         body = sphere(radius=0.85)
     elif kind == 2:
-        body = superquadric(rng.uniform(0.6, 0.95, 3), exponent=float(rng.uniform(1.2, 6)))
+        body = superquadric(rng.uniform(0.6, 0.95, 3), exponent=rng.uniform(1.2, 6))
     else:
         body = _knot(rng)
     wavelength = float(np.exp(rng.uniform(np.log(5 * edge), np.log(0.6))))
     pattern, steepest = _pattern(rng, wavelength)
-    return pushed_out(body, pattern, amplitude=wavelength * steepest * float(rng.uniform(0.3, 1.3)))
+    return pushed_out(body, pattern, amplitude=wavelength * steepest * rng.uniform(0.3, 1.3))
 
 
 def _knot(rng: np.random.Generator) -> DistanceField:
@@ -163,7 +161,7 @@ def _knot(rng: np.random.Generator) -> DistanceField:
     t = np.linspace(0, 2 * np.pi, 110, endpoint=False)
     reach = 0.65 + 0.3 * np.cos(q * t)
     path = np.stack([reach * np.cos(p * t), reach * np.sin(p * t), 0.4 * np.sin(q * t)], axis=1)
-    thick = float(rng.uniform(0.09, 0.17))
+    thick = rng.uniform(0.09, 0.17)
     return tube(path, radius=thick * (1 + 0.3 * np.sin(int(rng.integers(0, 6)) * t)), closed=True)
 
 
@@ -175,17 +173,17 @@ def smooth(edge: float, rng: np.random.Generator) -> DistanceField:
     elif kind == 1:
         count = int(rng.integers(2, 5))
         rings = [_ring(2 * np.pi * k / count, rng) for k in range(count)]
-        body = melted(*rings, radius=float(rng.uniform(0.05, 0.25)))
+        body = melted(*rings, radius=rng.uniform(0.05, 0.25))
     elif kind == 2:
-        body = superquadric(rng.uniform(0.4, 0.9, 3), exponent=float(rng.uniform(1.1, 8)))
-        body = twisted(tapered(body, rate=float(rng.uniform(-0.7, 0.7))), rate=float(rng.uniform(-2, 2)))
+        body = superquadric(rng.uniform(0.4, 0.9, 3), exponent=rng.uniform(1.1, 8))
+        body = twisted(tapered(body, rate=rng.uniform(-0.7, 0.7)), rate=float(rng.uniform(-2, 2)))
     else:
         body = creature(edge, rng)
     return _gently_warped(body, rng)
 
 
 def _ring(angle: float, rng: np.random.Generator) -> DistanceField:
-    ring = torus(major=float(rng.uniform(0.35, 0.5)), minor=float(rng.uniform(0.08, 0.16)))
+    ring = torus(major=rng.uniform(0.35, 0.5), minor=rng.uniform(0.08, 0.16))
     turn = random_rotation(rng=rng) if rng.random() < 0.3 else None
     return moved(ring, by=[0.45 * np.cos(angle), 0.45 * np.sin(angle), 0], rotation=turn)
 
@@ -193,7 +191,7 @@ def _ring(angle: float, rng: np.random.Generator) -> DistanceField:
 def rock(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return fractured stone: a lump cut by a few planes, with noise of many octaves."""
     body = _lump(rng)
-    cuts = [(random_direction(rng=rng), float(rng.uniform(0.3, 0.7))) for _ in range(rng.integers(0, 7))]
+    cuts = [(random_direction(rng=rng), rng.uniform(0.3, 0.7)) for _ in range(rng.integers(0, 7))]
 
     def broken(points: Vectors) -> Values:
         values = body(points)
@@ -202,17 +200,15 @@ def rock(edge: float, rng: np.random.Generator) -> DistanceField:
         return values
 
     form: Form = rng.choice(["smooth", "ridged", "billowed"])
-    grain = noise(
-        wavelength=float(rng.uniform(0.3, 0.9)), octaves=3, gain=float(rng.uniform(0.35, 0.55)), form=form, rng=rng
-    )
-    return pushed_out(broken, grain, amplitude=float(rng.uniform(0.01, 0.06)))
+    grain = noise(wavelength=rng.uniform(0.3, 0.9), octaves=3, gain=rng.uniform(0.35, 0.55), form=form, rng=rng)
+    return pushed_out(broken, grain, amplitude=rng.uniform(0.01, 0.06))
 
 
 def _gently_warped(body: DistanceField, rng: np.random.Generator) -> DistanceField:
-    wavelength = float(rng.uniform(0.8, 1.6))
+    wavelength = rng.uniform(0.8, 1.6)
     warps = (
         noise(wavelength=wavelength, rng=rng),
         noise(wavelength=wavelength, rng=rng),
         noise(wavelength=wavelength, rng=rng),
     )
-    return warped(body, warps, amplitude=float(rng.uniform(0, 0.12)) * wavelength)
+    return warped(body, warps, amplitude=rng.uniform(0, 0.12) * wavelength)

@@ -51,7 +51,7 @@ def stripes(*, wavelength: float, wander: float, sharpness: float, rng: np.rando
     """Return wavy grooves across a random direction, like hair or grain; `sharpness` turns waves into narrow cuts."""
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
-    bend = noise(wavelength=float(rng.uniform(4, 12)) * wavelength, octaves=2, rng=rng)
+    bend = noise(wavelength=rng.uniform(4, 12) * wavelength, octaves=2, rng=rng)
 
     def pattern(points: Vectors) -> Values:
         phase = (points @ axis + wander * wavelength * bend(points)) * (2 * np.pi / wavelength)

@@ -37,7 +37,7 @@ def polyhedron(edge: float, rng: np.random.Generator) -> DistanceField:
     size = np.append(size, np.full(6, 1.1))
     solid = polytope(np.concatenate([normals, np.eye(3), -np.eye(3)]), size)
     if rng.random() < 0.3:
-        solid = intersection(solid, sphere(radius=float(rng.uniform(0.85, 1.0))))
+        solid = intersection(solid, sphere(radius=rng.uniform(0.85, 1.0)))
     if rng.random() < 0.25:
         solid = shell(solid, thickness=0.3)
         solid = difference(solid, *[aligned(cylinder(radius=0.3, half_height=3), axis) for axis in normals[:3]])
@@ -68,10 +68,10 @@ def _star(rng: np.random.Generator) -> DistanceField:
     if len(normals) < 8 or rng.random() < 0.4:
         sizes = 0.6 * rng.uniform(0.93, 1.07, (2, len(normals)))
         solids = [polytope(normals @ random_rotation(rng=rng), size) for size in sizes]
-        return intersection(union(*solids), sphere(radius=float(rng.uniform(0.8, 1.2))))
-    core = float(rng.uniform(0.45, 0.55)) * rng.uniform(0.93, 1.07, len(normals))
+        return intersection(union(*solids), sphere(radius=rng.uniform(0.8, 1.2)))
+    core = rng.uniform(0.45, 0.55) * rng.uniform(0.93, 1.07, len(normals))
 
     def second(points: Vectors) -> Values:
         return np.asarray(np.partition(points @ normals.T - core, -2, axis=1)[:, -2])
 
-    return intersection(second, sphere(radius=float(rng.uniform(0.9, 1.3))))
+    return intersection(second, sphere(radius=rng.uniform(0.9, 1.3)))

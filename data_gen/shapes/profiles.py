@@ -5,16 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.shapes.fields import Blend, DistanceField, Values, intersection, norm
+from cascadenorm.data_gen.shapes.fields import Blend, DistanceField, Values, computed, intersection, norm
 from cascadenorm.mesh import Floats, Vectors, kernel
 
 Profile = Callable[[NDArray[np.float64]], Values]
 """(n, 2) positions to signed distances."""
-
-
-def disc(*, radius: float) -> Profile:
-    """Return a disc around the origin."""
-    return lambda points: norm(points) - radius
 
 
 def rectangle(*, half: tuple[float, float]) -> Profile:
@@ -29,14 +24,7 @@ def rectangle(*, half: tuple[float, float]) -> Profile:
 
 def polygon(corners: NDArray[np.float64]) -> Profile:
     """Return a simple polygon of either orientation, with exact distances."""
-    corners = np.array(corners, np.float64, order="C")
-
-    def distance(points: NDArray[np.float64]) -> Values:
-        values = np.empty(len(points))
-        _polygon(points, corners, values)
-        return values
-
-    return distance
+    return computed(_polygon, np.array(corners, np.float64, order="C"))
 
 
 def gear(*, teeth: int, radius: float, depth: float, slope: float) -> Profile:

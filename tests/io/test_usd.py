@@ -331,7 +331,7 @@ def Xform "a" (
 
 
 def test_the_extra_is_named(monkeypatch):
-    monkeypatch.setattr(files, "is_openusd_installed", lambda: False)
+    monkeypatch.setattr(files, "is_installed", lambda module: module != "pxr")
     for format in ("usd", "usda", "usdc", "usdz"):
         words = re.escape(f"'{format}' files needs usd-core, which is not installed: pip install \"cascadenorm[usd]\"")
         with pytest.raises(cn.MissingDependencyError, match=words):

@@ -26,13 +26,7 @@ CREASES = [
 
 
 def declarations(**options: Any) -> dict[str, Any]:
-    """Return every setting by its name in Blender: those below, the controls, and the parameters of each method.
-
-    Parameters
-    ----------
-    options
-        Options of each property.
-    """
+    """Return every setting by its name in Blender: those below, the controls, and the parameters of each method."""
     named = [(name, name, method.summary) for name, method in methods().items()]
     groups = "Vertex group whose weights scale the displacement of each vertex"
     edges = CONTROLS["creases"].about.help
@@ -78,10 +72,7 @@ def parameters_of(method: str) -> list[Property]:
 def chosen(settings: Any) -> dict[str, Any]:
     """Return the settings of an operator or an object as keyword arguments of `denoise`, except mask and creases.
 
-    Raises
-    ------
-    ParameterError
-        A text that its setting does not accept, or a number out of range.
+    Raises ParameterError for a text that its setting does not accept, or a number out of range.
     """
     values = {}
     for property in _generic():

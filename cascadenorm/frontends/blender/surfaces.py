@@ -13,21 +13,11 @@ RESULT = "Denoised"
 
 
 class Surface(NamedTuple):
-    """The triangles of an object.
+    """The triangles of an object."""
 
-    Parameters
-    ----------
-    positions
-        (n, 3) float32, as stored by Blender.
-    faces
-        (m, 3) vertex indices of polygons triangulated as Blender draws them.
-    scale
-        (3,) scale of the object along its axes.
-    """
-
-    positions: NDArray[np.float32]
-    faces: NDArray[np.int32]
-    scale: NDArray[np.float64]
+    positions: NDArray[np.float32]  # (n, 3) float32, as stored by Blender
+    faces: NDArray[np.int32]  # (m, 3) vertex indices of polygons triangulated as Blender draws them
+    scale: NDArray[np.float64]  # (3,) scale of the object along its axes
 
     @property
     def vertices(self) -> NDArray[Any]:
@@ -59,10 +49,7 @@ def surface_of(object: Any) -> Surface:
 def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
     """Return the weights of the vertex group, in Edit mode for the selected vertices; None moves every vertex.
 
-    Raises
-    ------
-    ParameterError
-        There is no such group, or nothing is selected.
+    Raises ParameterError if there is no such group, or if nothing is selected.
     """
     mesh, mask = object.data, None
     if name := settings.vertex_group:

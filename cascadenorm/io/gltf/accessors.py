@@ -28,18 +28,10 @@ ByteOffsets = range | NDArray[np.int64]
 
 
 class StoredVectors(NamedTuple):
-    """Vectors of three numbers: their byte offsets in the buffers and their storage types.
+    """Vectors of three numbers: their byte offsets in the buffers and their storage types."""
 
-    Parameters
-    ----------
-    at
-        (k,) byte offset of each vector, ascending.
-    kinds
-        (k,) row of STORED.
-    """
-
-    at: NDArray[np.int64]
-    kinds: NDArray[np.int8]
+    at: NDArray[np.int64]  # (k,) byte offset of each vector, ascending
+    kinds: NDArray[np.int8]  # (k,) row of STORED
 
     @classmethod
     def joined(cls, parts: list["StoredVectors"]) -> "StoredVectors":
@@ -115,16 +107,9 @@ class StoredVectors(NamedTuple):
 
 
 class Accessors:
-    """The accessors of a document: vectors of numbers, packed, interleaved or sparse.
+    """The accessors of an unchecked document: vectors of numbers, packed, interleaved or sparse.
 
-    Parameters
-    ----------
-    document
-        Document from JSON, unchecked.
-    buffers
-        Buffers. Those that accessors use are loaded.
-    size
-        Bytes of the file, without buffers in separate files.
+    `size` is the number of bytes of the file, without buffers in separate files.
     """
 
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:

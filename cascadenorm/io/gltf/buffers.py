@@ -21,21 +21,10 @@ EMBEDDED = "data:application/octet-stream;base64,"
 
 
 class Buffers:
-    """The buffers that contain vertices, concatenated in the order in which they are requested.
+    """The buffers that contain vertices, concatenated in `data` in the order in which they are requested.
 
-    Parameters
-    ----------
-    declared
-        Buffers as the document lists them.
-    chunk
-        Buffer in a GLB file, if there is one.
-    folder
-        Folder of buffers in separate files; None for a stream.
-
-    Attributes
-    ----------
-    data
-        Concatenated buffers.
+    They are `declared` as in the document. The chunk is the buffer in a GLB file. The folder is that of buffers in
+    separate files; None for a stream.
     """
 
     def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:

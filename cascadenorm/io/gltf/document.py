@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, TEXTURE, channels
+from cascadenorm.io.colors import CHANNELS, Look, channels
 from cascadenorm.io.content import Content
 from cascadenorm.io.gltf.accessors import COMPONENT_COUNTS, COMPONENT_TYPES
 from cascadenorm.mesh import box_of
@@ -51,13 +51,12 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
     if colors:
         opaque = np.full(len(positions), 255, np.uint8)
         arrays["COLOR_0"] = np.stack([colors.get(name, opaque) for name in CHANNELS], axis=1)
-    textured = all(name in content.vertex_values for name in TEXTURE)
-    if textured:
-        s, t = (content.vertex_values[name] for name in TEXTURE)
+    look = Look.of(content.vertex_values)
+    if look.texture is not None:
+        s, t = look.texture.T
         arrays["TEXCOORD_0"] = np.stack([s, 1 - t], axis=1).astype("<f4")  # glTF counts from the top
-    taken = (*colors, *(TEXTURE if textured else ()))
     document, buffer = _assembled(arrays, triangles.astype("<u4").reshape(-1, 1))
-    return document, buffer, content.lost_as_triangles(of_vertices=taken)
+    return document, buffer, content.lost_as_triangles((*colors, *look.names))
 
 
 def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:

@@ -4,7 +4,7 @@ It contains the JSON, followed by the first buffer.
 """
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from cascadenorm.errors import ReadError
@@ -28,22 +28,27 @@ class GlbFile(GltfContainer):
         return bytes(chunks[JSON]), chunks.get(BIN)
 
     def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
-        replaced: dict[bytes, Piece] = {JSON: text + b" " * (-len(text) % 4)}
-        return _joined(self.data, replaced if chunk is None else {**replaced, BIN: chunk})
+        replaced: dict[bytes, Piece] = {JSON: _padded(text, b" ")}
+        if chunk is not None:
+            replaced[BIN] = chunk
+        chunks = [(name, replaced.pop(name, old)) for name, old in _chunks(self.data)]  # the first of each name
+        (length,) = struct.unpack_from("<I", self.data, 8)
+        return [*_container(chunks), self.data[length:]]
 
     @classmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
-        text = encoded(document)
-        text += b" " * (-len(text) % 4)
-        body: list[Piece] = [struct.pack("<I4s", len(text), JSON), text]
-        if chunk is not None:
-            padding = bytes(-len(chunk) % 4)
-            body += [struct.pack("<I4s", len(chunk) + len(padding), BIN), chunk, padding]
-        return [_header(body), *body]
+        inner = [] if chunk is None else [(BIN, _padded(chunk, b"\0"))]
+        return _container([(JSON, _padded(encoded(document), b" ")), *inner])
 
 
-def _header(body: list[Piece]) -> bytes:
-    return GLB_MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body)))
+def _container(chunks: Sequence[tuple[bytes, Piece]]) -> list[Piece]:
+    """Return a GLB file of chunks by name, in pieces."""
+    body = [piece for name, chunk in chunks for piece in (struct.pack("<I4s", len(chunk), name), chunk)]
+    return [GLB_MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body))), *body]
+
+
+def _padded(chunk: Piece, padding: bytes) -> bytes:
+    return b"".join([chunk, padding * (-len(chunk) % 4)])
 
 
 def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
@@ -62,13 +67,3 @@ def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
             raise ReadError(f"the chunk at byte {at} declares {size} bytes and runs past the end: the file is damaged")
         yield name, memoryview(data)[at + 8 : at + 8 + size]
         at += 8 + size
-
-
-def _joined(data: bytes, replaced: dict[bytes, Piece]) -> list[Piece]:
-    """Return the file with the first chunks of these names replaced, in pieces."""
-    body: list[Piece] = []
-    for name, chunk in _chunks(data):
-        new = replaced.pop(name, chunk)
-        body += [struct.pack("<I4s", len(new), name), new]
-    (length,) = struct.unpack_from("<I", data, 8)
-    return [_header(body), *body, data[length:]]

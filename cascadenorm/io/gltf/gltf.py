@@ -6,8 +6,8 @@ to the moved vertices as before.
 
 import copy
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +25,7 @@ from cascadenorm.io.gltf.document import check_lists, document_of, encoded, pars
 from cascadenorm.io.gltf.patching import Patching, PrimitivePlace
 from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
 from cascadenorm.io.hole_patches import HolePatches
+from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -36,28 +37,16 @@ would not change what is shown."""
 
 
 class Primitive(NamedTuple):
-    """Triangles of one material.
+    """Triangles of one material."""
 
-    Parameters
-    ----------
-    mesh
-        Number of its mesh.
-    material
-        Number of its material, or None.
-    attributes
-        Name -> accessor.
-    positions, normals
-        Byte offsets in the buffers. There are either no normals or one for each position.
-    triangles
-        (m, 3) rows of both.
-    """
-
-    mesh: int
-    material: int | None
-    attributes: dict[str, int]
+    mesh: int  # its number
+    number: int  # of the primitive within the mesh
+    material: int | None  # its number
+    attributes: dict[str, int]  # name -> accessor
+    # positions, normals: byte offsets in the buffers. There are either no normals or one for each position.
     positions: StoredVectors
     normals: StoredVectors
-    triangles: NDArray[np.int64]
+    triangles: NDArray[np.int64]  # (m, 3) rows of both
 
 
 class GltfContainer(MeshFile):
@@ -92,9 +81,9 @@ class GltfContainer(MeshFile):
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
         self._accessors = Accessors(document, self._buffers, len(self.data))
         self._primitives = [
-            self._primitive(number, primitive)
-            for number, mesh in enumerate(document.get("meshes", []))
-            for primitive in mesh["primitives"]
+            self._primitive(mesh_number, number, primitive)
+            for mesh_number, mesh in enumerate(document.get("meshes", []))
+            for number, primitive in enumerate(mesh["primitives"])
             if "POSITION" in primitive["attributes"]
         ]
         self._stored = StoredVectors.joined([p.positions for p in self._primitives])
@@ -159,7 +148,7 @@ class GltfContainer(MeshFile):
             meshes[self._rows(primitive)] = primitive.mesh
         return meshes
 
-    def _primitive(self, mesh: int, primitive: dict[str, Any]) -> Primitive:
+    def _primitive(self, mesh: int, number: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
         positions = self._accessors.vectors(attributes["POSITION"])
         normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else StoredVectors.joined([])
@@ -172,6 +161,7 @@ class GltfContainer(MeshFile):
             )
         return Primitive(
             mesh,
+            number,
             primitive.get("material"),
             attributes,
             positions,
@@ -287,16 +277,16 @@ class GltfContainer(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""
-        owner = np.repeat(np.arange(len(self._primitives)), [len(p.triangles) for p in self._primitives])
-        labels = []
+        sizes, labels = [len(p.triangles) for p in self._primitives], list[Labels]()
+        numbers: dict[str, list[int | None]] = {
+            "mesh": [p.mesh for p in self._primitives],
+            "material": [p.material for p in self._primitives],
+        }
         with _explained():
-            for kind, numbers in (
-                ("mesh", [p.mesh for p in self._primitives]),
-                ("material", [p.material for p in self._primitives]),
-            ):
-                declared = self._document.get("meshes" if kind == "mesh" else "materials", [])
-                names = np.array(["" if n is None else declared[n].get("name", "") for n in numbers], str)
-                labels.append(Labels(kind, names, np.where(names[owner] == "", -1, owner)))
+            for kind, declared in ("mesh", "meshes"), ("material", "materials"):
+                parts = self._document.get(declared, [])
+                names = ["" if n is None else parts[n].get("name", "") for n in numbers[kind]]
+                labels.append(Labels.of_parts(kind, names, sizes))
         return labels
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
@@ -341,16 +331,7 @@ class GltfContainer(MeshFile):
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
 
     def _places(self) -> list[PrimitivePlace]:
-        numbers = [
-            (number, i)
-            for number, mesh in enumerate(self._document.get("meshes", []))
-            for i, primitive in enumerate(mesh["primitives"])
-            if "POSITION" in primitive["attributes"]
-        ]
-        return [
-            PrimitivePlace(*number, self._rows(primitive), len(primitive.triangles))
-            for number, primitive in zip(numbers, self._primitives, strict=True)
-        ]
+        return [PrimitivePlace(p.mesh, p.number, self._rows(p), len(p.triangles)) for p in self._primitives]
 
     def _read_content(self) -> Content:
         with _explained():
@@ -372,17 +353,10 @@ def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
 
 
-@contextmanager
-def _explained() -> Iterator[None]:
+def _explained() -> AbstractContextManager[None]:
     """Convert errors from documents of an unexpected form to ReadError."""
-    try:
-        yield
-    except ReadError:
-        raise
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
-        raise ReadError(
-            f"the JSON of this file is not valid glTF 2 ({type(error).__name__}: {error}): export the file again"
-        ) from None
+    problem = "the JSON of this file is not valid glTF 2"
+    return explained(problem, hint="export the file again", said=lambda error: f"{type(error).__name__}, {error}")
 
 
 class GltfFile(GltfContainer):

@@ -21,22 +21,13 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
 class PrimitivePlace(NamedTuple):
-    """A primitive in a document.
+    """A primitive in a document."""
 
-    Parameters
-    ----------
-    mesh, number
-        Number of its mesh, and its number within that mesh.
-    rows
-        (c,) rows of its vertices in the positions of the file.
-    triangles
-        Number of its triangles, which are polygons of the file.
-    """
-
+    # mesh, number: number of its mesh, and its number within that mesh
     mesh: int
     number: int
-    rows: NDArray[np.int64]
-    triangles: int
+    rows: NDArray[np.int64]  # (c,) rows of its vertices in the positions of the file
+    triangles: int  # number of its triangles, which are polygons of the file
 
 
 Key = tuple[str, int, str]
@@ -48,20 +39,12 @@ class Patching:
 
     Parameters
     ----------
-    document
-        Document from JSON.
-    accessors
-        Accessors of the document.
     places
         Primitives of the file, in the order of its polygons.
     positions, welds, normals
         Arrays of the file. Normals are (k, 3), zero where it has none.
-    patches
-        Patches to add.
-    begin
-        Byte offset in a buffer from which the values are stored.
-    buffer
-        Number of that buffer.
+    begin, buffer
+        Byte offset from which the values are stored, and the number of the buffer.
 
     Attributes
     ----------
@@ -117,7 +100,7 @@ class Patching:
         sorted_welds = self._welds[place.rows][order]
         first, last = (np.searchsorted(sorted_welds, self._welds[own], side) for side in ("left", "right"))
         local = np.where(last > first, order[np.minimum(first, len(order) - 1)], -1)
-        part = _Part(number, vertices, own, corners.reshape(-1, 3), local, {})
+        part = _Part(number, vertices, own, corners.reshape(-1, 3), local, {}, [])
         for key, accessor in self._attributes(number).items():
             values = self._accessors.values(accessor)
             usual = values[local[local >= 0][:1]] if (local >= 0).any() else values[:1]
@@ -249,36 +232,16 @@ class Patching:
         return len(self._lists["accessors"]) - 1
 
 
-class _Part:
-    """One patch.
+class _Part(NamedTuple):
+    """One patch."""
 
-    Attributes
-    ----------
-    place
-        Number of the primitive whose properties it gets.
-    vertices, own
-        Ascending positions, those of the file before additional ones, and those of the file only.
-    corners
-        (b, 3) rows of `vertices`.
-    local
-        For each of `own` the vertex of the primitive; -1 if there is none.
-    values
-        Values of `own`, by attribute.
-    seams
-        Names of texture coordinates for which a vertex has several values, or none.
-    """
-
-    def __init__(
-        self,
-        place: int,
-        vertices: NDArray[np.int64],
-        own: NDArray[np.int64],
-        corners: NDArray[np.int64],
-        local: NDArray[np.int64],
-        values: dict[Key, NDArray[Any]],
-    ) -> None:
-        self.place, self.vertices, self.own, self.corners, self.local = place, vertices, own, corners, local
-        self.values, self.seams = values, list[str]()
+    place: int  # number of the primitive whose properties it gets
+    vertices: NDArray[np.int64]  # ascending positions, those of the file before additional ones
+    own: NDArray[np.int64]  # those of the file only
+    corners: NDArray[np.int64]  # (b, 3) rows of `vertices`
+    local: NDArray[np.int64]  # for each of `own` the vertex of the primitive; -1 if there is none
+    values: dict[Key, NDArray[Any]]  # values of `own`, by attribute
+    seams: list[str]  # names of texture coordinates for which a vertex has several values, or none
 
 
 def _parts(triangles: NDArray[np.int64]) -> NDArray[np.int64]:

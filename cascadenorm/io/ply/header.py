@@ -6,34 +6,10 @@ from typing import NamedTuple
 
 from cascadenorm.errors import ReadError
 
-TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float": "f4",
-    "double": "f8",
-    "float32": "f4",
-    "float64": "f8",
-}
-NAMES = {
-    "i1": "char",
-    "u1": "uchar",
-    "i2": "short",
-    "u2": "ushort",
-    "i4": "int",
-    "u4": "uint",
-    "f4": "float",
-    "f8": "double",
-}
+CODES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
+NAMES = dict(zip(CODES, ["char", "uchar", "short", "ushort", "int", "uint", "float", "double"], strict=True))
+OTHERS = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"]
+TYPES = {**{name: code for code, name in NAMES.items()}, **dict(zip(OTHERS, CODES, strict=True))}
 BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 

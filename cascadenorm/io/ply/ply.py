@@ -21,7 +21,7 @@ from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
 from cascadenorm.io.text.spelling import replace_words
-from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.text.tokenizer import splice
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -115,8 +115,7 @@ class PlyFile(MeshFile):
         declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
         if self._text is not None and declared == {"f4"}:  # a text may have more digits than its header declares
             words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
-            short = self._text.significant_digits(words) <= 9 and not (np.abs(values) > np.finfo(np.float32).max).any()
-            return values.astype(np.float32 if short else np.float64)
+            return as_short(values.astype(np.float64), self._text.significant_digits(words))
         return values.astype(np.float32 if declared == {"f4"} else np.float64)
 
     def _storable(self, positions: Positions) -> Positions:
@@ -199,12 +198,7 @@ class PlyFile(MeshFile):
 
         Vertex values are interpolated from the surrounding vertices if they are floating-point numbers or colours.
         Other vertex values, and face values, are those of the nearest vertex or face. Lists other than the corners are
-        empty.
-
-        Raises
-        ------
-        OutputError
-            The integer type of the vertex indices is too small for the additional vertices.
+        empty. Raises OutputError if the integer type of the vertex indices is too small for the additional vertices.
         """
         if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
             return PlyFile(self._widened(), self.folder).with_patches(patches)

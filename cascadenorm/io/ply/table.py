@@ -24,21 +24,11 @@ class PropertyKind(NamedTuple):
 
 
 class PropertyColumn(NamedTuple):
-    """The values of one property, row after row.
+    """The values of one property, row after row."""
 
-    Parameters
-    ----------
-    kind
-        Type of the values.
-    offsets
-        Byte offset of the first value of each row; a range if the steps are equal.
-    counts
-        Number of values in each row; one number if they are equal.
-    """
-
-    kind: np.dtype[Any]
-    offsets: range | NDArray[np.int64]
-    counts: int | NDArray[np.int64]
+    kind: np.dtype[Any]  # of the values
+    offsets: range | NDArray[np.int64]  # byte offset of the first value of each row; a range if the steps are equal
+    counts: int | NDArray[np.int64]  # number of values in each row; one number if they are equal
 
     def view(self, body: Body) -> NDArray[Any]:
         """View the values in a body, (rows, values). Only for equal steps and counts."""
@@ -73,22 +63,10 @@ class PropertyColumn(NamedTuple):
 
 
 def columns(body: Body, element: Element, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
-    """Locate the properties of all rows of an element.
+    """Locate the properties, of these kinds, of all rows of an element that starts at a byte offset.
 
-    Parameters
-    ----------
-    body
-        Bytes of a binary file, or the numbers of a text body.
-    element
-        Number of rows, and the name for messages.
-    start
-        Byte offset of the first row.
-    kinds
-        Kinds of the properties.
-
-    Returns
-    -------
-    The columns, in the order of the properties, and the byte offset of the end of the element.
+    The body is that of a binary file, or the numbers of a text body. Returns the columns, in the order of the
+    properties, and the byte offset of the end of the element.
     """
     least = sum((kind.length or kind.value).itemsize for kind in kinds)
     if element.rows * least > len(body) - start:

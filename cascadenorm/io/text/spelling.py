@@ -23,10 +23,7 @@ PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
 def replace_words(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator[Piece]:
     """Return a text, in pieces, with words replaced by numbers.
 
-    Parameters
-    ----------
-    tables
-        (k,) ascending words, each in one table only, and (k,) numbers, formatted according to their type.
+    Each table has (k,) ascending words, which no other table has, and (k,) numbers, formatted according to their type.
     """
     table_of, waiting = np.zeros(len(text.starts), np.int8), [values for _, values in tables]
     for table, (words, _) in enumerate(tables, 1):

@@ -7,13 +7,11 @@ import posixpath
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 from cascadenorm.errors import OutputError, ReadError, reason
-from cascadenorm.io.limits import check_archive
+from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.references import is_within
 
 CRATE = b"PXR-USDC"
@@ -38,17 +36,9 @@ def unpacked(data: bytes, format: str) -> dict[str, bytes]:
     """Return the files in a USD file by name. Raises ReadError for a damaged archive."""
     if format != "usdz":
         return {SINGLE: data}
-    try:
-        with ZipFile(BytesIO(data)) as archive:
-            check_archive(archive, len(data))
-            names = [entry.filename for entry in archive.infolist() if not entry.is_dir()]
-            files = {name: archive.read(name) for name in names}
-    except ReadError:
-        raise
-    except Exception as error:  # a damaged archive
-        raise ReadError(f"this usdz file is a damaged archive: {reason(error)}") from None
-    outside = [name for name in names if not is_within(name)]
-    if outside or len(files) < len(names):
+    found = unzipped(data, format)
+    files = dict(found)
+    if len(files) < len(found) or not all(map(is_within, files)):
         raise ReadError("this usdz file holds two files of one name, or one outside the archive: export it again")
     return files
 
@@ -68,10 +58,8 @@ def opened(files: Mapping[str, bytes]) -> Layers:
                 _check_sections(data)
             path = Path(folder) / f"{number}.usd"
             path.write_bytes(data)
-            try:
+            with explained("OpenUSD cannot read this file", said=said):
                 layers[name] = Sdf.Layer.OpenAsAnonymous(str(path))
-            except Exception as error:  # the parsers raise errors of any type
-                raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
             if layers[name] is None:
                 raise ReadError("OpenUSD cannot read this file: it gives no reason")
     if not layers or next(iter(files)) not in layers:
@@ -92,11 +80,9 @@ def written(layer: Any, *, binary: bool) -> bytes:
     """Return the bytes of a layer."""
     with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / ("layer.usdc" if binary else "layer.usda")
-        try:
+        with explained("OpenUSD cannot write this file", OutputError, hint="choose ply or glb", said=said):
             layer.Export(str(path))
             return path.read_bytes()
-        except Exception as error:  # the writers raise errors of any type
-            raise OutputError(f"OpenUSD cannot write this file: {said(error)}: choose ply or glb") from None
 
 
 def packed(files: Mapping[str, bytes]) -> bytes:
@@ -105,15 +91,13 @@ def packed(files: Mapping[str, bytes]) -> bytes:
 
     with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         target = Path(folder) / "archive.usdz"
-        try:
+        with explained("OpenUSD cannot write this archive", OutputError, hint="choose usdc", said=said):
             with Sdf.ZipFileWriter.CreateNew(str(target)) as archive:
                 for number, (name, data) in enumerate(files.items()):
                     path = Path(folder) / str(number)
                     path.write_bytes(data)
                     archive.AddFile(str(path), name)
             return target.read_bytes()
-        except Exception as error:  # the writers raise errors of any type
-            raise OutputError(f"OpenUSD cannot write this archive: {said(error)}: choose usdc") from None
 
 
 def layers_named_by(layer: Any) -> list[str]:

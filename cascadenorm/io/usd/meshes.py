@@ -16,26 +16,14 @@ NORMALS = ("primvars:normals", "normals")
 
 
 class LayerMesh(NamedTuple):
-    """A mesh in a layer.
+    """A mesh in a layer."""
 
-    Parameters
-    ----------
-    layer
-        Name of the layer.
-    prim
-        Prim specification in the layer.
-    points
-        (k, 3) float32 points.
-    polygons
-        Faces. Corners are rows of `points`.
-    places
-        For each corner its index in the file, which has the corners of left-handed meshes in reverse order.
-    """
-
-    layer: str
-    prim: Any
-    points: NDArray[np.float32]
+    layer: str  # its name
+    prim: Any  # specification in the layer
+    points: NDArray[np.float32]  # (k, 3)
+    # Faces. Corners are rows of `points`.
     polygons: Polygons
+    # For each corner its index in the file, which has the corners of left-handed meshes in reverse order
     places: NDArray[np.int64]
 
 

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError, reason
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.errors import ReadError
+from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
 from cascadenorm.io.content import Content
+from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, Values, joined, values_of_vertices
 from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outside
 from cascadenorm.io.usd.meshes import oriented_polygons
 from cascadenorm.mesh.polygons import Polygons
 
-TEXTURE = ("s", "t")
 KEPT_ELSEWHERE = {
     "Material": "materials",
     "Camera": "cameras",
@@ -33,34 +33,25 @@ PRIM = 1000
 def content_of(layers: Layers, size: int) -> Content:
     """Return the meshes of a scene, transformed, once for each time that the scene shows them.
 
-    Parameters
-    ----------
-    layers
-        Layers, the root first. Nothing outside them is read.
-    size
-        Bytes of the file.
+    The first layer is the root. Nothing outside the layers is read. `size` is the number of bytes of the file.
     """
     from pxr import Usd
 
     inside, outside = without_files_outside(layers)
     root = next(iter(inside))
     check_expansion(PRIM * _Composition(inside).count(root, "/"), size, "the objects of this scene")
-    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        try:
-            if len(inside) == 1:
-                stage = Usd.Stage.Open(inside[root])
-            else:
-                for name, layer in inside.items():
-                    path = Path(folder) / name
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    layer.Export(str(path))
-                stage = Usd.Stage.Open(str(Path(folder) / root))
-            content = _content(stage, size)
-            del stage
-        except ReadError:
-            raise
-        except Exception as error:  # OpenUSD raises errors of any type
-            raise ReadError(f"OpenUSD cannot compose the scene of this file: {reason(error)}") from None
+    composing = explained("OpenUSD cannot compose the scene of this file")
+    with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, composing:
+        if len(inside) == 1:
+            stage = Usd.Stage.Open(inside[root])
+        else:
+            for name, layer in inside.items():
+                path = Path(folder) / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                layer.Export(str(path))
+            stage = Usd.Stage.Open(str(Path(folder) / root))
+        content = _content(stage, size)
+        del stage
     lost = (f"the file {path!r} that it references" for path in outside)
     return Content(*content[:4], left_out=(*lost, *content[4]))
 
@@ -104,7 +95,7 @@ def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArra
     """Return the values of vertices and faces: colours, texture coordinates, and numbers."""
     from pxr import UsdGeom
 
-    vertex_values, face_values = Values(), Values()
+    vertex_values, face_values = dict[str, NDArray[Any]](), dict[str, NDArray[Any]]()
     for primvar in UsdGeom.PrimvarsAPI(mesh).GetPrimvarsWithValues():
         name, kind = primvar.GetPrimvarName(), primvar.GetInterpolation()
         flat = primvar.ComputeFlattened(time)
@@ -128,9 +119,7 @@ def _columns(name: str, values: NDArray[Any]) -> Values:
     if values.ndim == 1:
         return {name: values}
     if name == "displayColor" and values.shape[1:] == (3,):
-        with np.errstate(invalid="ignore"):
-            colors = np.nan_to_num(np.clip(np.rint(values * 255), 0, 255)).astype(np.uint8)
-        return dict(zip(CHANNELS, colors.T, strict=False))
+        return dict(zip(CHANNELS, as_bytes(values).T, strict=False))
     return dict(zip(TEXTURE, values.T, strict=True)) if name == "st" and values.shape[1:] == (2,) else {}
 
 
@@ -197,30 +186,18 @@ def stage_of(content: Content) -> tuple[Any, list[str]]:
     if len(finite):
         mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([finite.min(axis=0), finite.max(axis=0)])))
     api, names = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
-    colors = channels(content.vertex_values)
-    colors.pop("alpha", None)
-    taken = set(colors)
-    if colors:
-        values = np.stack(list(colors.values()), axis=1).astype(np.float32) / np.float32(255)
-        api.CreatePrimvar("displayColor", names.Color3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(values))
-    if all(name in content.vertex_values for name in TEXTURE):
-        taken |= set(TEXTURE)
-        st = np.stack([content.vertex_values[name] for name in TEXTURE], axis=1).astype(np.float32)
+    look = Look.of(content.vertex_values)
+    if look.colors is not None:
+        api.CreatePrimvar("displayColor", names.Color3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(look.colors))
+    if look.texture is not None:
+        st = look.texture.astype(np.float32)
         api.CreatePrimvar("st", names.TexCoord2fArray, "vertex").Set(Vt.Vec2fArray.FromNumpy(st))
-    for properties, kind in ((content.vertex_values, "vertex"), (content.face_values, "uniform")):
+    others = {name: column for name, column in content.vertex_values.items() if name not in look.names}
+    types = {"f4": "FloatArray", "f8": "DoubleArray", "i8": "Int64Array"}
+    for properties, kind in ((others, "vertex"), (content.face_values, "uniform")):
         for name, column in properties.items():
-            if name not in taken or kind == "uniform":
-                floating = column.dtype.kind == "f"
-                array = Vt.FloatArray if column.dtype == np.float32 else Vt.DoubleArray if floating else Vt.Int64Array
-                type_name = {
-                    Vt.FloatArray: names.FloatArray,
-                    Vt.DoubleArray: names.DoubleArray,
-                    Vt.Int64Array: names.Int64Array,
-                }[array]
-                stored = column.astype(
-                    np.float64 if array is Vt.DoubleArray else column.dtype if floating else np.int64
-                )
-                primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), type_name, kind)
-                primvar.Set(array.FromNumpy(np.ascontiguousarray(stored)))
+            wide = "f4" if column.dtype == np.float32 else "f8" if column.dtype.kind == "f" else "i8"
+            primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), getattr(names, types[wide]), kind)
+            primvar.Set(getattr(Vt, types[wide]).FromNumpy(np.ascontiguousarray(column, wide)))
     lost = ["digits of the positions beyond single precision"] if (positions != content.positions).any() else []
     return layer, lost

@@ -4,7 +4,6 @@ Points are those of the meshes themselves, before the transforms of the scene. E
 if the scene shows it several times. Layers in other files are not read.
 """
 
-import importlib.util
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,7 +12,9 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.shown import Shown, joined
 from cascadenorm.io.usd.layers import (
     CRATE,
     TEXT,
@@ -44,13 +45,8 @@ class UsdFile(MeshFile):
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         self._files = unpacked(self.data, self.format)
         self._layers = opened(self._files)
-        try:
-            with quiet():
-                self._meshes = meshes_of(self._layers)
-        except ReadError:
-            raise
-        except Exception as error:  # a binary layer is parsed only when its values are requested
-            raise ReadError(f"OpenUSD cannot read this file: {said(error)}") from None
+        with explained("OpenUSD cannot read this file", said=said), quiet():  # a binary layer is parsed only here
+            self._meshes = meshes_of(self._layers)
         if not self._meshes:
             elsewhere = [path for layer in self._layers.values() for path in layers_named_by(layer)]
             names = ", ".join(sorted({*elsewhere} - {""})[:3])[:100]
@@ -64,15 +60,7 @@ class UsdFile(MeshFile):
         )
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        corners = []
-        for mesh, start in zip(self._meshes, self._first, strict=False):
-            bad = mesh.polygons.out_of_range(len(mesh.points))  # not a point of another mesh
-            corners.append(np.where(bad, -1, mesh.polygons.corners + start))
-        counts = np.concatenate([mesh.polygons.counts for mesh in self._meshes])
-        return (
-            np.concatenate([mesh.points for mesh in self._meshes]),
-            Polygons.from_counts(counts, np.concatenate(corners)),
-        )
+        return joined([Shown(mesh.points, mesh.polygons) for mesh in self._meshes])[:2]
 
     def _moved_pieces(self) -> Iterable[Piece]:
         return [self._stored(self._moved())]
@@ -132,8 +120,8 @@ class UsdFile(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes."""
-        names = np.array([mesh.prim.name for mesh in self._meshes])
-        return [Labels("mesh", names, np.repeat(np.arange(len(names)), [len(m.polygons) for m in self._meshes]))]
+        sizes = [len(mesh.polygons) for mesh in self._meshes]
+        return [Labels.of_parts("mesh", [mesh.prim.name for mesh in self._meshes], sizes)]
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
         """Return this layer in another layer format without loss, or None for other formats."""
@@ -181,11 +169,6 @@ class UsdzFile(UsdFile):
 
 USD = {kind.format: kind for kind in (UsdFile, UsdaFile, UsdcFile, UsdzFile)}
 """Formats by their extensions."""
-
-
-def is_openusd_installed() -> bool:
-    """Whether OpenUSD is installed."""
-    return importlib.util.find_spec("pxr") is not None
 
 
 def layer_format(data: bytes) -> str:

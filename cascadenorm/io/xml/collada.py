@@ -12,21 +12,19 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, Values, joined, placements, values_of_vertices
+from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
 from cascadenorm.io.text.spelling import lines_of, replace_words
-from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.xml.collada_nodes import instances
 from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
 from cascadenorm.mesh import repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
-SHORT = 9  # digits that single precision can represent
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
-TEXTURE = ("s", "t")
 KEPT_ELSEWHERE = {
     "library_materials": "materials",
     "library_images": "textures",
@@ -37,18 +35,9 @@ KEPT_ELSEWHERE = {
 
 
 class Array:
-    """The vectors of a source, as words of the document.
+    """The vectors of a source: their `words` in the `text` of the array, (k, w), and `values`, (k, w) float64.
 
-    Attributes
-    ----------
-    text
-        Words of the array.
-    begin, end
-        Position of the array in the document.
-    words
-        (k, w) words of each vector.
-    values
-        (k, w) float64.
+    `begin` and `end` are the position of the text in the document.
     """
 
     def __init__(self, source: Element, by_id: dict[str, Element]) -> None:
@@ -60,7 +49,8 @@ class Array:
             )
         self.begin, self.end = found.span
         self.text = Text(found.numbers)
-        count, stride, offset = (_whole(accessor, name, usual) for name, usual in _ACCESSOR.items())
+        defaults = {"count": "0", "stride": "1", "offset": "0"}
+        count, stride, offset = (_number(accessor.attributes.get(*default)) for default in defaults.items())
         named = [row for row, parameter in enumerate(accessor.all("param")) if parameter.attributes.get("name")]
         width = named or list(range(min(stride, 3)))
         last = offset + (count - 1) * stride + max(width, default=0)
@@ -70,30 +60,15 @@ class Array:
         self.values = self.text.numbers(self.words)
 
 
-_ACCESSOR = {"count": "0", "stride": "1", "offset": "0"}
-
-
 class Part(NamedTuple):
-    """Faces of a geometry that share a material.
+    """Faces of a geometry that share a material."""
 
-    Parameters
-    ----------
-    geometry
-        Id of the geometry.
-    material
-        Symbol of the material.
-    positions
-        Id of the source of the positions.
-    polygons
-        Faces. Corners are rows of the positions.
-    others
-        Semantic -> id of another source, such as that of normals, and its row for each corner.
-    """
-
-    geometry: str
-    material: str
-    positions: str
+    geometry: str  # id of the geometry
+    material: str  # symbol of the material
+    positions: str  # id of the source of the positions
+    # Faces. Corners are rows of the positions.
     polygons: Polygons
+    # Semantic -> id of another source, such as that of normals, and its row for each corner
     others: dict[str, tuple[str, NDArray[np.int64]]]
 
 
@@ -115,17 +90,13 @@ class ColladaFile(MeshFile):
         self._first = dict(zip(self._sources, np.cumsum([0, *sizes]).tolist(), strict=False))
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         positions = np.concatenate([array.values for array in arrays])
-        short = all(array.text.significant_digits(array.words.ravel()) <= SHORT for array in arrays)
-        with np.errstate(over="ignore"):
-            single = positions.astype(np.float32)
-        if short and not (np.isinf(single) & np.isfinite(positions)).any():
-            positions = single
+        digits = max(array.text.significant_digits(array.words.ravel()) for array in arrays)
         corners = []
         for part in self._parts:
             bad = part.polygons.out_of_range(len(self._array(part.positions).values))
             corners.append(np.where(bad, -1, part.polygons.corners + self._first[part.positions]))
         counts = np.concatenate([part.polygons.counts for part in self._parts])
-        return positions, Polygons.from_counts(counts, np.concatenate(corners))
+        return as_short(positions, digits), Polygons.from_counts(counts, np.concatenate(corners))
 
     def _array(self, id: str) -> Array:
         if id not in self._arrays:
@@ -224,14 +195,9 @@ class ColladaFile(MeshFile):
     def face_labels(self) -> list[Labels]:
         """Return the symbols of materials and the names of geometries."""
         names = [self._by_id[p.geometry].attributes.get("name", p.geometry) if p.geometry else "" for p in self._parts]
-        owner = np.repeat(np.arange(len(names)), [len(part.polygons) for part in self._parts])
-        labels = []
-        for kind, values in (
-            ("mesh", np.array(names, str)),
-            ("material", np.array([p.material for p in self._parts], str)),
-        ):
-            labels.append(Labels(kind, values, np.where(values[owner] == "", -1, owner)))
-        return labels
+        sizes = [len(part.polygons) for part in self._parts]
+        labels = {"mesh": names, "material": [part.material for part in self._parts]}
+        return [Labels.of_parts(kind, values, sizes) for kind, values in labels.items()]
 
     def _read_content(self) -> Content:
         of_geometry: dict[str, dict[str, list[Part]]] = {}
@@ -266,7 +232,7 @@ class ColladaFile(MeshFile):
             np.concatenate([part.polygons.counts for part in parts]),
             np.concatenate([part.polygons.corners for part in parts]),
         )
-        values: Values = {}
+        values = dict[str, NDArray[Any]]()
         for semantic, width, names in (("COLOR", 3, CHANNELS), ("TEXCOORD", 2, TEXTURE)):
             columns = [self._at_corners(part, semantic, width) for part in parts]
             stored = [column for column in columns if column is not None]
@@ -274,10 +240,10 @@ class ColladaFile(MeshFile):
             if len(stored) == len(parts):
                 found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
             if found is not None and semantic == "COLOR":
-                found = np.nan_to_num(np.clip(np.rint(found * 255), 0, 255)).astype(np.uint8)
+                found = as_bytes(found)
             if found is not None:
                 values |= dict(zip(names, found.T, strict=False))
-        return Shown(self.positions[first : first + count], polygons, values, {})
+        return Shown(self.positions[first : first + count], polygons, values)
 
     def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
         """Return the first `width` values of a semantic at the corners of a part, or None if a corner has none."""
@@ -290,21 +256,14 @@ class ColladaFile(MeshFile):
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with the colours and texture coordinates of vertices."""
-        colors, values = channels(content.vertex_values), content.vertex_values
-        colors.pop("alpha", None)
-        arrays = {"POSITION": ("XYZ", content.positions)}
-        if colors:
-            arrays["COLOR"] = ("RGB", np.stack(list(colors.values()), axis=1) / np.float32(255))
-        if all(name in values for name in TEXTURE):
-            arrays["TEXCOORD"] = ("ST", np.stack([values[name] for name in TEXTURE], axis=1))
-        taken = (*colors, *(TEXTURE if "TEXCOORD" in arrays else ()))
-        lost = [f"vertex property '{name}'" for name in values if name not in taken]
-        lost += [f"face property '{name}'" for name in content.face_values]
+        colors, texture, names = Look.of(content.vertex_values)
+        found = {"POSITION": ("XYZ", content.positions), "COLOR": ("RGB", colors), "TEXCOORD": ("ST", texture)}
+        arrays = {semantic: (letters, values) for semantic, (letters, values) in found.items() if values is not None}
         sources = [_source(semantic.lower(), *array) for semantic, array in arrays.items()]
         inputs = [b'<input semantic="%b" source="#%b"/>' % (s.encode(), s.lower().encode()) for s in arrays]
         counts, corners = content.polygons.counts, content.polygons.corners
         numbers = [lines_of(b"", a[:, None]).replace(b"\n", b" ").strip() for a in (counts, corners)]
-        return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], lost
+        return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], content.lost_values(names)
 
 
 def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
@@ -354,10 +313,6 @@ def _numbers(element: Element) -> NDArray[np.int64]:
     """Return the integers in the content of an element."""
     text = Text(element.numbers)
     return text.integers(np.arange(len(text.starts)))
-
-
-def _whole(element: Element, name: str, usual: str) -> int:
-    return _number(element.attributes.get(name, usual))
 
 
 def _number(word: str) -> int:

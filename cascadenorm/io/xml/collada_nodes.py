@@ -6,10 +6,12 @@ Nodes show geometries, other nodes, and skinned geometries.
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.shown import Matrix
 from cascadenorm.io.xml.documents import Element
+from cascadenorm.mesh import unit
 
 Placed = list[tuple[Element, Matrix]]
 INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
@@ -72,15 +74,6 @@ def _transform(element: Element) -> Matrix:
     elif element.name == "scale":
         matrix[:3, :3] = np.diag(numbers)
     else:
-        matrix[:3, :3] = _rotation(numbers[:3], np.deg2rad(numbers[3]))
+        turn = scipy.spatial.transform.Rotation.from_rotvec(numbers[3] * unit(numbers[:3]), degrees=True)
+        matrix[:3, :3] = turn.as_matrix()
     return matrix
-
-
-def _rotation(axis: Matrix, angle: float) -> Matrix:
-    """Return the rotation around an axis (Rodrigues)."""
-    length = float(np.linalg.norm(axis))
-    if not length > 0:
-        return np.eye(3)
-    x, y, z = axis / length
-    cross = np.array([(0, -z, y), (z, 0, -x), (-y, x, 0)])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)

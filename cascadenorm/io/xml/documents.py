@@ -21,18 +21,11 @@ Edit = tuple[int, int, bytes]
 class Element:
     """An element of a document.
 
-    Attributes
-    ----------
-    name
-        Name without namespace.
-    attributes
-        Values by name. Names in another namespace are preceded by it and a space.
-    parent, children
-        Parent element, None for the root, and child elements.
+    Its name is without namespace; names of attributes in another namespace are preceded by it and a space.
     """
 
-    def __init__(self, data: bytes, name: str, attributes: dict[str, str], parent: "Element | None", at: int) -> None:
-        self.name, self.attributes, self.parent, self.children = name, attributes, parent, list[Element]()
+    def __init__(self, data: bytes, name: str, attributes: dict[str, str], at: int) -> None:
+        self.name, self.attributes, self.children = name, attributes, list[Element]()
         self._data, self._at, self._end = data, at, at
 
     @property
@@ -78,14 +71,8 @@ class Element:
 def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: Callable[[str, int], None]) -> None:
     """Call functions at the start and the end of each element. Raises ReadError for invalid XML.
 
-    Parameters
-    ----------
-    data
-        The document.
-    start
-        Called with the name, preceded by its namespace and a space, the attributes, and the byte offset of the element.
-    end
-        Called with the name and the byte offset of the end tag.
+    `start` gets the name, preceded by its namespace and a space, the attributes, and the byte offset of the element;
+    `end` gets the name and the byte offset of the end tag.
     """
     if data.startswith(UTF_16):
         raise ReadError("the XML of this file is UTF-16, which is not supported: save it as UTF-8")
@@ -103,11 +90,11 @@ def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: C
 
 def tree_of(data: bytes) -> Element:
     """Return the root of a document. Raises ReadError for invalid XML."""
-    top = Element(data, "", {}, None, 0)
+    top = Element(data, "", {}, 0)
     now = [top]
 
     def start(name: str, attributes: dict[str, str], at: int) -> None:
-        element = Element(data, name.rpartition(" ")[2], attributes, now[-1], at)
+        element = Element(data, name.rpartition(" ")[2], attributes, at)
         now[-1].children.append(element)
         now.append(element)
 

@@ -7,20 +7,22 @@ moved once, even if several others contain it.
 import posixpath
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
 from io import BytesIO
-from itertools import chain
 from typing import Any, NamedTuple
 from zipfile import ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError, reason
+from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
-from cascadenorm.io.limits import check_archive
+from cascadenorm.io.libraries import unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
+from cascadenorm.io.text.text import as_short
 from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
@@ -28,8 +30,8 @@ from cascadenorm.mesh.polygons import Polygons, triangulate
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+RELS = "_rels/.rels"
 MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
-SHORT = 9  # digits that single precision can represent
 SAMPLE = 1000
 
 Reference = tuple[str, str]
@@ -44,19 +46,7 @@ class Use(NamedTuple):
 
 
 class Model:
-    """A model of an archive, parsed on construction.
-
-    Attributes
-    ----------
-    objects
-        Objects by id.
-    build
-        Objects to be printed.
-    unit
-        Unit of length.
-    has_materials
-        Whether it contains materials, colours or textures.
-    """
+    """A model of an archive, parsed on construction: its objects by id, those to be printed, and its unit of length."""
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name, self.data = name, data
@@ -68,7 +58,7 @@ class Model:
         try:
             parse(data, self._start, self._end)
             for found in self.objects.values():
-                found.triangles = np.array(found.corners, np.int64).reshape(-1, 3)
+                found.triangles  # noqa: B018 - may overflow
         except KeyError as error:
             raise ReadError(f"an element of this 3mf file lacks the attribute {error}: export the file again") from None
         except OverflowError:
@@ -112,28 +102,21 @@ class Model:
         return Use((attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix)
 
 
+@dataclass
 class Object:
-    """An object of a model: a mesh or components.
+    """An object of a model: a mesh or components."""
 
-    Attributes
-    ----------
-    places
-        Byte offsets of the vertex elements.
-    coordinates, corners
-        Three numbers for each vertex and each triangle.
-    triangles
-        (m, 3) the same corners, set after the model is parsed.
-    digits
-        Largest number of significant digits of a coordinate.
-    """
+    name: str
+    digits: int = 0  # largest number of significant digits of a coordinate
+    places: list[int] = field(default_factory=list)  # byte offsets of the vertex elements
+    coordinates: list[float] = field(default_factory=list)  # three numbers for each vertex
+    corners: list[int] = field(default_factory=list)  # three numbers for each triangle
+    components: list[Use] = field(default_factory=list)
 
-    def __init__(self, name: str) -> None:
-        self.name, self.digits = name, 0
-        self.places: list[int] = []
-        self.coordinates: list[float] = []
-        self.corners: list[int] = []
-        self.triangles: NDArray[np.int64] = np.zeros((0, 3), np.int64)
-        self.components: list[Use] = []
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """(m, 3) corners, after the model is parsed."""
+        return np.array(self.corners, np.int64).reshape(-1, 3)
 
 
 class ThreemfFile(MeshFile):
@@ -142,18 +125,10 @@ class ThreemfFile(MeshFile):
     format = "3mf"
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
-        try:
-            with ZipFile(BytesIO(self.data)) as archive:
-                check_archive(archive, len(self.data))
-                names = [name for name in archive.namelist() if name.lower().endswith(".model")]
-                models = {name: archive.read(name) for name in names}
-                relations = archive.read("_rels/.rels") if "_rels/.rels" in archive.namelist() else b""
-        except ReadError:
-            raise
-        except Exception as error:  # a damaged archive
-            raise ReadError(f"this 3mf file is a damaged archive: {reason(error)}") from None
-        self._models = {name: Model(name, data) for name, data in models.items()}
-        self._root = _root_of(relations, names)
+        files = dict(unzipped(self.data, "3mf", lambda name: name == RELS or name.lower().endswith(".model")))
+        relations = files.pop(RELS, b"")
+        self._models = {name: Model(name, data) for name, data in files.items()}
+        self._root = _root_of(relations, list(files))
         self._objects = [
             ((name, id), found)
             for name, model in self._models.items()
@@ -165,20 +140,11 @@ class ThreemfFile(MeshFile):
         sizes = [len(found.places) for _, found in self._objects]
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        short = max(found.digits for _, found in self._objects) <= SHORT
-        positions = np.array(list(chain.from_iterable(found.coordinates for _, found in self._objects)))
-        with np.errstate(over="ignore"):
-            single = positions.astype(np.float32)
-        if short and not (np.isinf(single) & np.isfinite(positions)).any():
-            positions = single
-        return positions.reshape(-1, 3), self._polygons()
-
-    def _polygons(self) -> Polygons:
-        rows = []
-        for (_, found), first in zip(self._objects, self._first, strict=False):
-            bad = (found.triangles < 0) | (found.triangles >= len(found.places))  # not a vertex of another object
-            rows.append(np.where(bad, -1, found.triangles + first))
-        return Polygons.from_rows(np.concatenate(rows))
+        digits = max(found.digits for _, found in self._objects)
+        coordinates = (np.array(found.coordinates).reshape(-1, 3) for _, found in self._objects)
+        meshes = zip(coordinates, (Polygons.from_rows(found.triangles) for _, found in self._objects), strict=True)
+        positions, polygons, *_ = joined([Shown(*mesh) for mesh in meshes])
+        return as_short(positions, digits), polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
         changed = self._changed
@@ -196,9 +162,8 @@ class ThreemfFile(MeshFile):
 
     def face_labels(self) -> list[Labels]:
         """Return the names of objects."""
-        names = np.array([found.name for _, found in self._objects], str)
-        owner = np.repeat(np.arange(len(names)), [len(found.triangles) for _, found in self._objects])
-        return [Labels("object", names, np.where(names[owner] == "", -1, owner))]
+        objects = [found for _, found in self._objects]
+        return [Labels.of_parts("object", [one.name for one in objects], [len(one.triangles) for one in objects])]
 
     def _read_content(self) -> Content:
         number = {reference: row for row, (reference, _) in enumerate(self._objects)}
@@ -229,26 +194,22 @@ class ThreemfFile(MeshFile):
     def _shape(self, row: int) -> Shown:
         first, found = self._first[row], self._objects[row][1]
         positions = self.positions[first : first + len(found.places)]
-        return Shown(positions, Polygons.from_rows(found.triangles), {}, {})
+        return Shown(positions, Polygons.from_rows(found.triangles))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write the triangles of content as one object."""
         triangles, _ = triangulate(content.positions, content.polygons)
-        lost = [f"vertex property '{name}'" for name in content.vertex_values]
-        lost += [f"face property '{name}'" for name in content.face_values]
-        if (content.polygons.counts != 3).any():
-            lost.append("polygons (cut into triangles)")
         vertices = [b'<vertex x="%b" y="%b" z="%b"/>' % tuple(row.split(b" ")) for row in rows_of(content.positions)]
         faces = [b'<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(row) for row in triangles.tolist()]
         model = MADE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
         made = BytesIO()
         with ZipFile(made, "w") as archive:
-            for name, data in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), ("3D/3dmodel.model", model)):
+            for name, data in (("[Content_Types].xml", TYPES), (RELS, RELATIONS), ("3D/3dmodel.model", model)):
                 entry = ZipInfo(name)  # dated 1980, so that the bytes depend only on the mesh
                 entry.compress_type = 8
                 archive.writestr(entry, data)
-        return [made.getvalue()], lost
+        return [made.getvalue()], content.lost_as_triangles(single=False)
 
 
 def _digits(word: str) -> int:
