@@ -58,14 +58,13 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     if isinstance(network, GatedCascades):
         network = network.chosen(network.judged(mesh, treat_as).measured)
     free_derived(mesh)
-    vertices = without_drift(mesh, network.vertices(start))
+    vertices = network.vertices(start)
     del start
-    free_derived(mesh)
-    if not isinstance(network, ChosenNetworks):
-        return safeguarded(mesh, vertices)
-    measured = network.measured[mesh.topology.face_components]
-    if treat_as != "unknown":
+    measured = network.measured[mesh.topology.face_components] if isinstance(network, ChosenNetworks) else None
+    if measured is not None and treat_as != "unknown":
         vertices = with_filtered_surfaces(mesh.moved(vertices), measured)
+    vertices = without_drift(mesh, vertices)
+    free_derived(mesh)
     return safeguarded(mesh, vertices, measured)
 
 

@@ -70,8 +70,9 @@ def test_same_bytes_for_one_and_two_threads(name):
 
 
 def test_turns_with_the_mesh(name):
+    rounding = 1e-5 if name == "cascade" else 1e-6  # the filters of `cascade` weigh normals in single precision
     out = cn.denoise(MESH.moved(MESH.vertices @ turn()), method=name).vertices
-    np.testing.assert_allclose(out, denoised(name) @ turn(), rtol=0, atol=1e-6 * EDGE)
+    np.testing.assert_allclose(out, denoised(name) @ turn(), rtol=0, atol=rounding * EDGE)
 
 
 def test_does_not_depend_on_the_order_of_the_faces(name):

@@ -128,7 +128,7 @@ def test_an_address_without_a_scheduler_is_refused(place, capsys, monkeypatch):
     with dask.config.set({"distributed.comm.timeouts.connect": 1}):
         assert run(["batch", "scans", "-o", "out", *FAST, "--scheduler", "127.0.0.1:9"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("cascadenorm: scheduler is '127.0.0.1:9', where no Dask scheduler answers: ")
+    assert said.startswith("cascadenorm: --scheduler is '127.0.0.1:9', where no Dask scheduler answers: ")
     assert said.count("\n") == 1 and not (place / "out").exists()
 
 

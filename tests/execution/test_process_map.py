@@ -47,10 +47,10 @@ def test_a_process_that_ends_early_is_a_worker_error():
 
 INTERRUPTED = """
 import signal, time
-from cascadenorm.execution.process_map import side_by_side
+from cascadenorm.execution.process_map import parallel_map
 signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
 try:
-    with side_by_side(2) as each:
+    with parallel_map(2) as each:
         results = each(time.sleep, [0.1] * 5_000)
         print("begun", flush=True)
         list(results)
@@ -74,8 +74,8 @@ def test_ctrl_c_while_processes_start_prints_nothing_from_them():
 
 KILLED = """
 import time
-from cascadenorm.execution.process_map import side_by_side
-with side_by_side(2) as each:
+from cascadenorm.execution.process_map import parallel_map
+with parallel_map(2) as each:
     results = each(time.sleep, [0.1] * 2 + [600] * 2)
     next(results)
     print("begun", flush=True)

@@ -451,7 +451,7 @@ def test_on_a_phone_settings_and_what_they_mean_are_read_without_scrolling_sidew
     cells = "return [...document.querySelector('.prose tbody tr').children].map(e => [e.innerText, e.innerHTML])"
     name, value, default, meaning = browser.js(cells)
     assert [one[0] for one in (name, value, default)] == ["model", "none", "none"]
-    assert meaning[1] == "weights file that <code>cascadenorm train</code> made. Default: the shipped weights"
+    assert meaning[1] == "Weights file written by <code>cascadenorm train</code>. Default: the shipped weights"
     browser.sized(1200, 800)
 
 
