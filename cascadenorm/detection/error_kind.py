@@ -16,7 +16,7 @@ NameOfKind = Literal["none", "independent", "correlated", "segmentation", "volum
 
 `none`: no significant error. `independent`: independent errors of the vertices. `correlated`: errors correlated over
 several edges. `segmentation`: steps of a binary mask. `volume`: an isosurface of a grey volume, such as a tomogram or
-fused depth images. `depth image`: a surface seen from one side.
+fused depth images. `depth image`: a surface seen from one side, by a depth camera or a laser scanner.
 """
 
 LEAST_ERROR = 0.01
@@ -68,7 +68,7 @@ class ErrorKind:
         if self.kind == "correlated":
             return f"{unsure}error {edges} that is correlated over about {self.length:.2g} edges"
         if self.kind == "depth image":
-            return f"{unsure}a depth image, with an error {edges}"
+            return f"{unsure}error {edges} of a depth image or a laser scan"
         voxels = " with voxels of " + " × ".join(f"{side:.3g}" for side in self.voxel) if self.voxel else ""
         if self.kind == "segmentation":
             return f"{unsure}steps {edges} of a binary segmentation{voxels}"
@@ -100,8 +100,10 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
         kind, sure = "segmentation", True
     elif (lattice := lattice_of_grey_values(mesh)) is not None:
         kind, sure = "volume", True
-    elif is_segmentation(mesh):  # unknown voxel size, after surface nets or decimation
-        kind, sure = "segmentation", has_voxel_faces(mesh)
+    elif has_voxel_faces(mesh):
+        kind, sure = "segmentation", True
+    elif openness <= OPEN[1] and is_segmentation(mesh):  # unknown voxel size, after surface nets or decimation
+        kind, sure = "segmentation", False
     elif openness > OPEN[0]:
         kind, sure = "depth image", openness > OPEN[1]
     else:

@@ -10,6 +10,7 @@ from skimage.measure import marching_cubes
 
 import cascadenorm as cn
 from cascadenorm.cli import run
+from cascadenorm.data_gen.noise.laser import laser_displacements
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.scanning.volumes import surface_nets
 from cascadenorm.detection.error_kind import correlation_length, error_kind
@@ -102,6 +103,18 @@ def test_a_sheet_seen_from_one_side_is_a_depth_image():
     sheet = grid(40, 40)
     found = error_kind(noisy(sheet, 0.2), sheet.vertices)
     assert (found.kind, found.sure) == ("depth image", True)
+
+
+def test_a_laser_scan_is_not_taken_for_a_segmentation():
+    """Its error, which is alike along the rows of the scanner, bends the surface to and fro as the steps of a mask do."""
+    rows = grid(60, 60)
+    x, y = (rows.vertices[:, :2] - 30).T * [[2.2], [1]]
+    dome = rows.moved(np.stack([x, y, np.sqrt(88**2 - x**2 - y**2)], axis=1))
+    scan = dome.moved(dome.vertices + laser_displacements(dome, 0.1, rng=np.random.default_rng(0)))
+    assert is_segmentation(scan)
+    found = error_kind(scan, dome.vertices)
+    assert (found.kind, found.sure) == ("depth image", True)
+    assert str(found) == f"error of {found.size:.2g} edges of a depth image or a laser scan"
 
 
 def test_little_is_no_error():
