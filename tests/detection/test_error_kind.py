@@ -106,7 +106,7 @@ def test_a_sheet_seen_from_one_side_is_a_depth_image():
 
 
 def test_a_laser_scan_is_not_taken_for_a_segmentation():
-    """Its error, which is alike along the rows of the scanner, bends the surface to and fro as the steps of a mask do."""
+    """Its error, which is alike along rows of the scanner, bends the surface to and fro as the steps of a mask do."""
     rows = grid(60, 60)
     x, y = (rows.vertices[:, :2] - 30).T * [[2.2], [1]]
     dome = rows.moved(np.stack([x, y, np.sqrt(88**2 - x**2 - y**2)], axis=1))
