@@ -83,7 +83,8 @@ def print_batch(done: "Batch", output: str) -> None:
 
 def print_filling(target: Path, done: "Filling", max_edges: int | None) -> None:
     """Print how many holes of a file were closed, and which boundaries stayed open and why."""
-    print(f"{target}: {counted(done.closed, 'hole')} closed by {counted(done.added, 'face')}, added to {done.faces}")
+    faces = f" by {counted(done.added, 'face')}, added to {done.faces}" if done.closed else ""
+    print(f"{target}: {counted(done.closed, 'hole')} closed{faces}")
     for edges in done.outer:
         print(f"kept open: the outer boundary of an open component, {edges} edges (--outer fill closes it)")
     if done.long:
