@@ -48,7 +48,7 @@ def test_the_page_of_a_method_has_what_the_registry_says():
     assert page.startswith("# taubin\n\nAlternate steps λ > 0 and μ < 0")
     assert "**Source:** Taubin 1995" in page
     assert "1/λ + 1/μ = k_PB" in page.split("## Formula")[1].split("```")[1]
-    assert "| `pass_band` | eigenvalue k_PB that the filter leaves alone | `0.1` |  | above 0, below 2 |" in page
+    assert "| `pass_band` | Pass-band eigenvalue k_PB, kept unchanged | `0.1` |  | above 0, below 2 |" in page
     noisy_row, result_row = re.findall(r"^\| (?:noisy|taubin) \|.*$", page, re.MULTILINE)
     assert noisy_row.split("|")[2:] == result_row.split("|")[2:]  # the meshes that were given are the noisy ones
 
