@@ -37,7 +37,7 @@ def bilateral_normal(
     sweeps: Sweeps = 8,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those of near faces that point a similar way, then move the vertices to them.
+    """Average each face normal with those of near faces that point in similar directions, then fit the vertices.
 
     Formula
     -------

@@ -31,7 +31,7 @@ def bilateral_normal_global(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Find normals that are bilateral means of each other and near the given ones, then move the vertices to them.
+    """Find normals that are bilateral means of each other and near the given ones, then fit the vertices to them.
 
     Formula
     -------

@@ -63,7 +63,7 @@ def guided_normal(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those of near faces that have a similar guidance, and let the vertices follow.
+    """Average each face normal with those of near faces that have a similar guidance, then fit the vertices.
 
     Formula
     -------

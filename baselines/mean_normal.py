@@ -27,7 +27,7 @@ WalkLength = Annotated[int, Parameter("Number of steps of the random walk", mini
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
 def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit: VertexFit = "sweeps") -> Vectors:
-    """Replace each face normal by the area-weighted mean of the normals around it, then move the vertices to fit.
+    """Replace each face normal by the area-weighted mean of the normals around it, then fit the vertices.
 
     Formula
     -------

@@ -24,7 +24,7 @@ Median = Annotated[
 def median_normal(
     mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: VertexFit = "sweeps"
 ) -> Vectors:
-    """Replace each face normal by the weighted median of those around it, then move the vertices to them.
+    """Replace each face normal by the weighted median of those around it, then fit the vertices.
 
     Formula
     -------

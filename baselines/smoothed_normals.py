@@ -1,4 +1,4 @@
-"""Normals of the faces after smoothing passes over the vertices."""
+"""Face normals after smoothing passes over the vertices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +17,22 @@ def smoothed_normals(
 ) -> NDArray[np.float32]:
     """Return the face normals after each number of smoothing passes, which move vertices along fixed directions.
 
-    In a pass each vertex takes the mean height of itself and those it shares an edge with (umbrella operator, Taubin
-    1995), measured along its own normal, so that triangles keep their shape within the surface. The normal of a face
-    depends on that shape wherever a surface bends: averages of normals lose it.
+    In each pass, a vertex moves along its own normal to the mean height of itself and its neighbours (umbrella
+    operator, Taubin 1995), so triangles keep their shape within the surface. Where a surface bends, the normal of a
+    face depends on this shape, which averages of normals ignore.
 
     Parameters
     ----------
     along
-        (m, 3) normals of the faces, smoother than its own; their sum around a vertex, by area, is its direction.
+        (m, 3) face normals, smoother than those of the mesh. Vertices move along their area-weighted sums.
     passes
         Numbers of passes, ascending.
     sigma_r
-        Spread of the weights of neighbours by the chord between directions; infinite: all weigh the same.
+        Range spread of the weights of neighbours, a chord between directions. Infinity gives all the same weight.
 
     Returns
     -------
-    (m, p, 3) unit normals, which is `out` if that is given. A face without area keeps its normal.
+    (m, p, 3) unit normals; `out` if it is given. A face without area keeps its normal.
     """
     directions = np.empty_like(mesh.vertices)
     single = np.ascontiguousarray(along, np.float32)  # one type, compiled once
@@ -51,7 +51,7 @@ def smoothed_normals(
 
 @kernel
 def _direction_range(start: int, stop: int, around: Csr, areas: Floats, along: Vectors, out: Vectors) -> None:
-    """Sums around some vertices; numpy would fill an array with products first, which takes as long."""
+    """Sum the area-weighted normals around each vertex, without the temporary array that numpy would need."""
     for i in range(start, stop):
         total = (0.0, 0.0, 0.0)
         for k in range(around.indptr[i], around.indptr[i + 1]):
@@ -64,9 +64,9 @@ def _direction_range(start: int, stop: int, around: Csr, areas: Floats, along: V
 def _smooth_range(
     start: int, stop: int, positions: Vectors, directions: Vectors, neighbors: Csr, spread: float, after: Vectors
 ) -> None:
-    """One pass; the weight (1 - u/8)^8 stands for e^-u; iteration i alone writes after[i]."""
+    """Smooth some vertices once; the weight (1 - u/8)^8 approximates e^-u."""
     for i in range(start, stop):
-        # heights of the neighbours along the direction of the vertex, by the chord between the directions of both
+        # heights of the neighbours along the direction of the vertex, weighted by the chord between both directions
         height, total = 0.0, 1.0
         for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
             j = neighbors.indices[k]
@@ -81,14 +81,14 @@ def _smooth_range(
             height += weight * rise
             total += weight
 
-        # the vertex moves to their mean, in which it counts as one of height 0
+        # the vertex moves to the mean height, in which its own height is 0 and has weight 1
         for d in range(3):
             after[i, d] = positions[i, d] + height / total * directions[i, d]
 
 
 @kernel
 def _normal_range(start: int, stop: int, at: Vectors, faces: Ints32, otherwise: Vectors, out: Vectors) -> None:
-    """Normals of the faces between vertices `at` their positions; iteration f alone writes out[f]."""
+    """Compute the normals of some faces from vertex positions; faces without area get the `otherwise` normal."""
     for f in range(start, stop):
         a, b, c = row(at, faces[f, 0]), row(at, faces[f, 1]), row(at, faces[f, 2])
         x, y, z = cross(subtract(b, a), subtract(c, a))

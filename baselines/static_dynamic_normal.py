@@ -40,7 +40,7 @@ def static_dynamic_normal(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Find normals near the given ones that differ little within regions of a guidance, and let the vertices follow.
+    """Find normals near the given ones that differ little within regions of a guidance, then fit the vertices to them.
 
     Formula
     -------

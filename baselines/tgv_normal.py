@@ -36,7 +36,7 @@ def tgv_normal(
     sweeps: Sweeps = 20,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Find unit normals near the given ones that vary little or evenly, but may jump, then move the vertices to them.
+    """Find unit normals near the given ones that vary little or evenly, but may jump, then fit the vertices to them.
 
     Formula
     -------

@@ -47,7 +47,7 @@ def tv_normal(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Find normals near the given ones with little total variation, then move the vertices to fit them.
+    """Find normals near the given ones with little total variation, then fit the vertices to them.
 
     The normals may jump across edges.
 

@@ -1,4 +1,4 @@
-"""Apply a method under the controls."""
+"""Apply a method to a mesh under the controls: its frame, creases, regions, boundary, detail, strength and limits."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -221,6 +221,8 @@ def _read_table(name: str, path: str, columns: int) -> NDArray[Any]:
         else:
             lines = (re.split(r"[\s,;]+", line.partition("#")[0].strip()) for line in _lines(path))
             table = np.array([line for line in lines if line != [""]], np.float64)
+    except FileNotFoundError:
+        raise ParameterError(f"is {path!r}, a file that does not exist", parameter=name) from None
     except (OSError, EOFError, ValueError) as error:
         raise ParameterError(f"is {path!r}, which cannot be read as numbers: {error}", parameter=name) from None
     rows = table.reshape(-1, 1) if table.ndim == 1 and columns == 1 else table

@@ -63,6 +63,8 @@ def run(arguments: Sequence[str]) -> int:
             context = getattr(error, "ctx", None)
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:
                 message += "; to denoise several files use `cascadenorm batch`"
+            if "No such command" in message and os.path.exists(arguments[0]):
+                message = f"{arguments[0]} is no command: to denoise it, use `cascadenorm denoise {arguments[0]}`"
             command = context.command_path if context else f"cascadenorm {call.name}" if call else "cascadenorm"
             complain(f"{message} (see `{command} --help`)")
         return USAGE

@@ -68,9 +68,10 @@ def print_batch(done: "Batch", output: str) -> None:
     denoised = len(done.lines) - len(done.failures)
     seconds = sum(line["seconds"] for line in done.lines)
     method = sum(line["summary"]["seconds"] for line in done.lines if line["summary"])
-    print(f"{counted(denoised, 'file')} denoised; {seconds:.1f} s in all processes, {method:.1f} s of which denoising")
+    time = f" in {seconds:.1f} s of process time, {method:.1f} s of it for the method" if denoised else ""
+    print(f"{counted(denoised, 'file')} denoised{time}")
     if done.kept:
-        print(f"{counted(len(done.kept), 'file')} skipped: done already")
+        print(f"{counted(len(done.kept), 'file')} skipped: already done")
     if done.skipped:
         names = ", ".join([*done.skipped[:NAMED], *(["…"] if len(done.skipped) > NAMED else [])])
         print(f"{counted(len(done.skipped), 'file')} skipped: results of `denoise` beside their sources ({names})")
@@ -82,7 +83,8 @@ def print_batch(done: "Batch", output: str) -> None:
 
 def print_filling(target: Path, done: "Filling", max_edges: int | None) -> None:
     """Print how many holes of a file were closed, and which boundaries stayed open and why."""
-    print(f"{target}: {counted(done.closed, 'hole')} closed by {counted(done.added, 'face')}, added to {done.faces}")
+    faces = f" by {counted(done.added, 'face')}, added to {done.faces}" if done.closed else ""
+    print(f"{target}: {counted(done.closed, 'hole')} closed{faces}")
     for edges in done.outer:
         print(f"kept open: the outer boundary of an open component, {edges} edges (--outer fill closes it)")
     if done.long:
@@ -105,7 +107,7 @@ def print_inspection(found: "Inspection") -> None:
     """Print the properties of a mesh, and one line per finding."""
     from cascadenorm.inspection import FINDINGS
 
-    loops = f"{counted(found.boundary_loops, 'boundary loop')} of {counted(found.boundary_edges, 'edge')} in all"
+    loops = f"{counted(found.boundary_loops, 'boundary loop')} with {counted(found.boundary_edges, 'edge')}"
     kind = "closed" if found.closed else f"open: {loops}"
     genus = f", genus {found.genus}" if found.genus is not None else ""
     euler = f"Euler characteristic {found.euler_characteristic}{genus}"
@@ -114,7 +116,7 @@ def print_inspection(found: "Inspection") -> None:
     print(f"{found.source}: {vertices}, {counted(found.faces, 'face')}, {found.number_type}")
     if copies:
         which = counted(copies, "is a copy", "are copies")
-        print(f"  vertices are split at seams: the file has {found.file_vertices}, of which {which}")
+        print(f"  the file stores {found.file_vertices} vertices, of which {which} of others")
     if found.lower is not None and found.upper is not None:
         print(f"  connected components: {found.parts}; {kind}; {euler}")
         print(f"  bounding box from {_numbers(found.lower)} to {_numbers(found.upper)}")

@@ -1,4 +1,4 @@
-"""Classification of the error of a mesh."""
+"""Classification of the error of a mesh; a new kind is added to `NameOfKind` and `error_kind`."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -59,20 +59,20 @@ class ErrorKind:
 
     def __str__(self) -> str:
         """Return a short description, such as "independent noise of 0.2 edges"."""
-        unsure = "" if self.sure else "perhaps "
+        unsure = "" if self.sure else "probably "
         if self.kind == "none":
             return "no significant error"
         edges = f"of {self.size:.2g} edges"
         if self.kind == "independent":
             return f"{unsure}independent noise {edges}"
         if self.kind == "correlated":
-            return f"{unsure}error {edges} that is correlated over about {self.length:.2g} edges"
+            return f"{unsure}error {edges}, correlated over about {self.length:.2g} edges"
         if self.kind == "depth image":
-            return f"{unsure}error {edges} of a depth image or a laser scan"
+            return f"{unsure}error {edges} in a depth image or a laser scan"
         voxels = " with voxels of " + " × ".join(f"{side:.3g}" for side in self.voxel) if self.voxel else ""
         if self.kind == "segmentation":
-            return f"{unsure}steps {edges} of a binary segmentation{voxels}"
-        return f"{unsure}error {edges} of a surface out of a grey volume{voxels}"
+            return f"{unsure}steps {edges} from a binary segmentation{voxels}"
+        return f"{unsure}error {edges} in a surface from a grey volume{voxels}"
 
 
 def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind:

@@ -158,13 +158,13 @@ def lattice_of_grey_values(mesh: Mesh) -> VoxelLattice | None:
     used = mesh.vertices[mesh.topology.used_vertices]
     if not edge > 0 or len(used) < 100:
         return None
-    spacings = [_comb(used[:, axis], edge) for axis in range(3)]
+    spacings = [_even_spacing(used[:, axis], edge) for axis in range(3)]
     if any(spacing is None for spacing in spacings):
         return None
     return np.diag(np.array(spacings, np.float64))
 
 
-def _comb(values: NDArray[np.float64], edge: float) -> float | None:
+def _even_spacing(values: NDArray[np.float64], edge: float) -> float | None:
     """Return the spacing of the values shared by many vertices, or None.
 
     These values must be evenly spaced and cover enough of the vertices (see ON_NODES).

@@ -63,7 +63,7 @@ def _connected(labels: Ints32, around: Csr) -> Ints32:
     _largest_pieces(labels, pieces, sizes[:count], largest)
     cut_off = inside & (largest[labels] != pieces)
     labels[cut_off] = -1
-    _take(labels, np.flatnonzero(cut_off), around)
+    _assign_free(labels, np.flatnonzero(cut_off), around)
     _, numbers = np.unique(labels[inside], return_inverse=True)
     labels[inside] = numbers.ravel()
     return labels
@@ -187,7 +187,7 @@ def _largest_pieces(labels: Ints32, pieces: Ints32, sizes: Ints, largest: Ints32
 
 
 @kernel
-def _take(labels: Ints32, free: Ints, around: Csr) -> None:
+def _assign_free(labels: Ints32, free: Ints, around: Csr) -> None:
     """Assign free vertices, in rounds, to the cluster of their first neighbour that has one."""
     left = len(free)
     while left > 0:

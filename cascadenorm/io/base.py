@@ -186,9 +186,8 @@ class MeshFile(ABC):
         if self._isolates:
             return isolated(self._at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons):
-            raise MeshError(
-                f"the file has {len(self.positions)} vertices and no faces: reconstruct a surface from the points first"
-            )
+            vertices = counted(len(self.positions), "vertex", "vertices")
+            raise MeshError(f"the file has {vertices} and no faces: reconstruct a surface from the points first")
         if not np.isfinite(self.positions).all():
             bad = ~np.asarray(np.isfinite(self.positions).all(axis=1))
             raise MeshError(

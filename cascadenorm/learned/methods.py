@@ -27,7 +27,10 @@ Model = Annotated[
 ]
 TreatAs = Annotated[
     Treatment | None,
-    Parameter("Kind of surface to assume. Default: detected for each component from its triangulation"),
+    Parameter(
+        "Kind of surface to assume; unknown omits the final filter of measured surfaces. Default: detected for each "
+        "component from its triangulation"
+    ),
 ]
 
 
@@ -38,7 +41,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
     two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
     For each connected component, a gate chooses between them from the triangulation. A bilateral filter then runs once
-    over the measured surfaces, and three times near their boundaries.
+    over the measured surfaces, and three times near their boundaries, unless `treat_as` is `unknown`.
 
     Formula
     -------

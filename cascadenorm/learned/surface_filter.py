@@ -1,4 +1,4 @@
-"""Filter measured surfaces once more after the network."""
+"""Filter measured surfaces bilaterally after the cascade, with more passes near boundaries."""
 
 from functools import partial
 
@@ -12,17 +12,17 @@ from cascadenorm.patches.work import normals_by_patches
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
 """Settings of the bilateral filter, named as in the method `bilateral-normal`."""
-RIM_RINGS = 1
-"""Number of rings of vertices around the boundary of a view whose faces count as its rim."""
-RIM_PASSES = 3
-"""Number of passes over the rim."""
+BOUNDARY_RINGS = 1
+"""Number of rings of vertices around the boundary whose faces count as near it, which gives two rings of faces."""
+BOUNDARY_PASSES = 3
+"""Number of passes over the faces near the boundary."""
 
 
 def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
     """Return the vertices after a bilateral filter of the measured surfaces.
 
     The network leaves some noise there, since its training data contain detail of the same size. One pass removes most
-    of it. Errors of scanners are larger at the rim of a view, which is filtered RIM_PASSES times.
+    of it. Errors of scanners are larger near the boundary of a view, where the filter runs BOUNDARY_PASSES times.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
 
 
 def _filtered(mesh: Mesh) -> Vectors:
-    """Return the vertices, (n, 3), after a bilateral filter with more passes at the rim."""
+    """Return the vertices, (n, 3), after a bilateral filter with more passes near the boundary."""
     normals = _normals(mesh, passes=1)
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
-        rim = np.flatnonzero(grown(mesh, boundary, rings=RIM_RINGS)[mesh.faces].any(axis=1))
-        normals[rim] = _normals(mesh, passes=RIM_PASSES)[rim]
+        near = np.flatnonzero(grown(mesh, boundary, rings=BOUNDARY_RINGS)[mesh.faces].any(axis=1))
+        normals[near] = _normals(mesh, passes=BOUNDARY_PASSES)[near]
     return recover_vertices(mesh, normals, sweeps=SWEEPS)
 
 

@@ -163,7 +163,11 @@ def test_a_full_disk_ends_the_batch_and_it_goes_on_later(place, capsys):
         ),
         (["scans", "--format", "docx"], 5, "the format 'docx' cannot be written"),
         (["scans", "--memory", "much"], 2, "--memory is 'much'; it must be an amount of memory with its unit"),
-        (["scans", "--memory", "4"], 2, "--memory is '4'; it must be an amount of memory with its unit, such as"),
+        (
+            ["scans", "--memory", "4"],
+            2,
+            "--memory is '4'; it must be an amount of memory with its unit, such as \"4GB\"",
+        ),
         (["scans", "--timeout", "0"], 2, "--timeout is 0.0; it must be above 0"),
         (["scans", "--timeout", "nan"], 2, "--timeout is nan; it must be above 0"),
         (["scans", "--scheduler", "127.0.0.1:9", "--memory", "1GB"], 2, "--memory is for this machine: workers of"),

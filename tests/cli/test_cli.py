@@ -315,6 +315,13 @@ def test_several_files_are_left_to_batch(place, capsys):
     assert code == 2 and "true.ply" in message and "to denoise several files use `cascadenorm batch`" in message
 
 
+def test_a_file_in_place_of_a_command_is_answered_with_the_command_that_denoises_it(place, capsys):
+    code, message = refused(capsys, "ball.ply")
+    assert code == 2 and "to denoise it, use `cascadenorm denoise ball.ply`" in message
+    code, message = refused(capsys, "polish")
+    assert code == 2 and "No such command 'polish'" in message and "cascadenorm denoise" not in message
+
+
 def test_a_large_strength_is_warned_of_and_does_no_more_than_ten(place, capsys):
     assert run(["denoise", "ball.ply", *FAST, "--strength", "3"]) == 0
     assert capsys.readouterr().err == ""

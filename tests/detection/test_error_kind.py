@@ -96,13 +96,14 @@ def test_an_error_alike_over_several_edges_is_correlated_over_them():
     found = error_kind(bumpy, BALL.vertices)
     assert (found.kind, found.sure) == ("correlated", True)
     assert 1.5 < found.length < 6
-    assert "correlated over about" in str(found)
+    assert f"edges, correlated over about {found.length:.2g} edges" in str(found)
 
 
 def test_a_sheet_seen_from_one_side_is_a_depth_image():
     sheet = grid(40, 40)
     found = error_kind(noisy(sheet, 0.2), sheet.vertices)
     assert (found.kind, found.sure) == ("depth image", True)
+    assert str(found) == f"error of {found.size:.2g} edges in a depth image"
 
 
 def test_a_laser_scan_is_not_taken_for_a_segmentation():
@@ -114,7 +115,7 @@ def test_a_laser_scan_is_not_taken_for_a_segmentation():
     assert is_segmentation(scan)
     found = error_kind(scan, dome.vertices)
     assert (found.kind, found.sure) == ("depth image", True)
-    assert str(found) == f"error of {found.size:.2g} edges of a depth image or a laser scan"
+    assert str(found) == f"error of {found.size:.2g} edges in a depth image or a laser scan"
 
 
 def test_little_is_no_error():
@@ -143,7 +144,7 @@ def test_a_segmentation_whose_voxels_are_lost_is_told_by_its_steps():
     assert lattice_of_mask(mesh) is None
     found = inspect(mesh).error
     assert (found.kind, found.sure, found.voxel) == ("segmentation", False, None)
-    assert str(found).startswith("perhaps steps of 0.") and str(found).endswith("edges of a binary segmentation")
+    assert str(found).startswith("probably steps of 0.") and str(found).endswith("edges from a binary segmentation")
 
 
 def test_exact_geometry_has_no_error():
