@@ -19,21 +19,11 @@ EVEN = 3
 
 
 class Feet(NamedTuple):
-    """The nearest points of a coarse copy to n vertices.
+    """The nearest points of a coarse copy to n vertices."""
 
-    Parameters
-    ----------
-    faces
-        (n,) face of the copy with the nearest point; -1 if there is no face nearby.
-    weights
-        (n, 3) barycentric coordinates of the nearest point.
-    outside
-        (n,) whether the nearest point lies on the boundary of the copy.
-    """
-
-    faces: Ints32
-    weights: Floats
-    outside: Bools
+    faces: Ints32  # (n,) face of the copy with the nearest point; -1 if there is no face nearby
+    weights: Floats  # (n, 3) barycentric coordinates of the nearest point
+    outside: Bools  # (n,) whether the nearest point lies on the boundary of the copy
 
     def places(self, copy: Mesh) -> Vectors:
         """Return the (n, 3) positions of these points on the copy, or on a deformed version of it."""
@@ -41,18 +31,10 @@ class Feet(NamedTuple):
 
 
 class CoarseCopy(NamedTuple):
-    """A coarse copy of a mesh with n vertices.
-
-    Parameters
-    ----------
-    mesh
-        The copy.
-    labels
-        (n,) vertex of the copy for the cluster of each vertex; -1 for a vertex without a face.
-    """
+    """A coarse copy of a mesh with n vertices."""
 
     mesh: Mesh
-    labels: Ints32
+    labels: Ints32  # (n,) vertex of the copy for the cluster of each vertex; -1 for a vertex without a face
 
     def feet(self, points: Vectors) -> Feet:
         """Find the nearest point on the copy to each vertex, (n, 3).
@@ -72,20 +54,10 @@ class CoarseCopy(NamedTuple):
         return Feet(faces, weights, outside)
 
     def carried_over(self, points: Vectors, vertices: Vectors) -> Vectors:
-        """Project vertices onto the copy and return the same points on its deformed version.
+        """Project vertices, (n, 3), onto the copy and return the same points on its deformed version.
 
-        A vertex beyond the boundary of the copy keeps its tangential distance from it.
-
-        Parameters
-        ----------
-        points
-            (n, 3) vertices of the mesh.
-        vertices
-            New vertices of the copy.
-
-        Returns
-        -------
-        (n, 3) positions; vertices without a face of the copy nearby stay in place.
+        A vertex beyond the boundary of the copy keeps its tangential distance from it. Vertices without a face of the
+        copy nearby stay in place.
         """
         feet, after = self.feet(points), self.mesh.moved(vertices)
         beyond = points - feet.places(self.mesh)
@@ -96,24 +68,13 @@ class CoarseCopy(NamedTuple):
 
 
 def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
-    """Return a coarse copy with edges of about a given length.
+    """Return a coarse copy with edges of about a given length in mesh units, or None if no three clusters meet.
 
-    The copy has a vertex for each cluster of vertices and a face where three clusters meet. Its vertices are the
-    centroids of the clusters (at a boundary, of their boundary vertices), moved along the normals to the mean position
-    of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters if it has enough vertices.
-    Clusters are made smaller where the copy would have a hole, a fold or a non-manifold edge that the surface does not
-    have.
-
-    Parameters
-    ----------
-    mesh
-        Any mesh with n vertices; duplicate faces count once.
-    length
-        Edge length in mesh units, above 0.
-
-    Returns
-    -------
-    The copy, or None if no three clusters meet.
+    The copy has a vertex for each cluster of vertices and a face where three clusters meet; duplicate faces count once.
+    Its vertices are the centroids of the clusters (at a boundary, of their boundary vertices), moved along the normals
+    to the mean position of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters if it
+    has enough vertices. Clusters are made smaller where the copy would have a hole, a fold or a non-manifold edge that
+    the surface does not have.
     """
     spacing, faces = _spacing(mesh, length), _distinct(mesh.faces)
     for halving in range(EDGE_HALVINGS + 1):
@@ -148,11 +109,8 @@ def _distinct(faces: Ints32) -> Ints32:
 def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
     """Return the faces of the copy, (t, 3), and whether the surface has each of them in both orientations, (t,).
 
-    Parameters
-    ----------
-    corners
-        (m, 3) clusters at the corners of the faces of the mesh. The majority of the faces between three clusters
-        determines the orientation of the face of the copy.
+    The corners, (m, 3), are the clusters of the faces of the mesh. The majority of the faces between three clusters
+    determines the orientation of the face of the copy.
     """
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]

@@ -20,22 +20,11 @@ class Nearest(NamedTuple):
 
 
 class SurfaceTree:
-    """A complete binary tree of bounding boxes over the triangles of a mesh, sorted along a space-filling curve.
+    """A complete binary tree of bounding boxes over the m triangles of a mesh, sorted along a space-filling curve.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces; a face without area counts as a segment or a point.
-
-    Attributes
-    ----------
-    order
-        (m,) faces in the order of the curve.
-    corners
-        (m, 3, 3) corner positions of the faces, in that order.
-    boxes
-        (b, 2, 3) lower and upper corners of the boxes. Node i has the children 2i + 1 and 2i + 2. The last
-        (b + 1) / 2 boxes are the leaves, with up to LEAF_TRIANGLES faces each.
+    `order`, (m,), are the faces in the order of the curve, and `corners`, (m, 3, 3), their positions; a face without
+    area counts as a segment or a point. `boxes`, (b, 2, 3), are the lower and upper corners of the boxes. Node i has
+    the children 2i + 1 and 2i + 2. The last (b + 1) / 2 boxes are the leaves, with up to LEAF_TRIANGLES faces each.
     """
 
     def __init__(self, mesh: Mesh) -> None:

@@ -28,21 +28,11 @@ Outer = Literal["keep", "fill"]
 
 
 class Holes(NamedTuple):
-    """The boundary loops of a mesh, each as an array of vertices.
+    """The boundary loops of a mesh, each as an array of vertices."""
 
-    Parameters
-    ----------
-    closed
-        Loops that are filled.
-    outer
-        Outer boundaries of open components, which are kept.
-    long
-        Other loops with too many edges, which are kept.
-    """
-
-    closed: list[NDArray[np.int32]]
-    outer: list[NDArray[np.int32]]
-    long: list[NDArray[np.int32]]
+    closed: list[NDArray[np.int32]]  # those that are filled
+    outer: list[NDArray[np.int32]]  # outer boundaries of open components, which are kept
+    long: list[NDArray[np.int32]]  # others with too many edges, which are kept
 
 
 def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, outer: Outer = "keep") -> Mesh:
