@@ -51,24 +51,13 @@ class Failure(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Outcome of the files of a batch.
+    """Outcome of the files of a batch."""
 
-    Parameters
-    ----------
-    lines
-        Manifest lines of the files that were denoised or failed in this run, in the order in which they ended.
-    kept
-        Names of the files that were already done.
-    failures
-        Errors of the files that failed.
-    skipped
-        Names of files that were not read because `denoise` wrote them beside their sources.
-    """
-
+    # manifest lines of the files that were denoised or failed in this run, in the order in which they ended
     lines: list[Line]
-    kept: list[str]
-    failures: list[Failure]
-    skipped: list[str]
+    kept: list[str]  # names of the files that were already done
+    failures: list[Failure]  # errors of the files that failed
+    skipped: list[str]  # names of files that were not read because `denoise` wrote them beside their sources
 
 
 @with_control_parameters
