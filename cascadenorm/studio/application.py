@@ -46,15 +46,7 @@ class Json(JSONResponse):
 
 
 class Application:
-    """The requests of the page.
-
-    Parameters
-    ----------
-    session
-        State shared by the pages.
-    uploads
-        Storage for dropped files.
-    """
+    """The requests of the page, with the state that pages share and the storage for dropped files."""
 
     def __init__(self, session: Session, uploads: Uploads) -> None:
         self._session, self._uploads = session, uploads

@@ -13,14 +13,9 @@ class TooLarge(ReadError):
 
 
 class Uploads:
-    """Folders for files that were dropped together, such as an OBJ file with its materials.
+    """Folders, each in `folder`, for files that were dropped together, such as an OBJ file with its materials.
 
-    Parameters
-    ----------
-    folder
-        Folder with a subfolder for each drop.
-    most
-        Largest number of bytes of all drops together, except the open one.
+    All drops together, except the open one, have at most `most` bytes.
     """
 
     def __init__(self, folder: Path, *, most: int) -> None:

@@ -44,12 +44,8 @@ class Cancelled(Exception):
 class Channel:
     """Requests to a worker process and its replies; they pass in threads, so that the server never waits for them.
 
-    Parameters
-    ----------
-    heard
-        Called with each reply, in a thread.
-    ended
-        Called when the process has ended by itself, with the error that tells why, in a thread.
+    In a thread, `heard` is called with each reply, and `ended`, with the error that tells why, when the process has
+    ended by itself.
     """
 
     def __init__(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
