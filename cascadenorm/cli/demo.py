@@ -55,28 +55,12 @@ def demo(
     force: bool = False,
     progress: Progress = no_progress,
 ) -> list[Example]:
-    """Denoise the examples and write the meshes to a folder.
+    """Denoise the examples by methods with their default parameters, write the meshes to a folder, and return them.
 
-    Parameters
-    ----------
-    folder
-        Output folder; created if missing.
-    methods
-        Names of methods, which run with their default parameters.
-    force
-        Replace files of an earlier demonstration. Other files are never touched.
-    progress
-        Called with (task, parts done, total parts, next step).
-
-    Returns
-    -------
-    The examples in order, each measured against its clean mesh
-
-    Raises
-    ------
-    OutputError
-        The folder is a file or cannot be written, or it contains files of an earlier demonstration and `force` is
-        False. In these cases, nothing is written.
+    Each example is measured against its clean mesh. `force` replaces files of an earlier demonstration; other files are
+    never touched. `progress` is called with (task, parts done, total parts, next step). Raises OutputError, before
+    anything is written, if the folder is a file or cannot be written, or if it contains files of an earlier
+    demonstration and `force` is not given.
     """
     folder = Path(folder)
     task, total = "demonstration", len(EXAMPLES) + 1
@@ -101,10 +85,7 @@ def demo(
 def draw(examples: Sequence[Example], folder: Path) -> None:
     """Write the pictures to the folder of the meshes, with one row per example.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be written.
+    Raises OutputError if the folder cannot be written.
     """
     before_after = montage([_before_after(example) for example in examples])
     errors = montage([_errors(example) for example in examples], bar=Bar("Angle to the truth (°)", _LIMITS))

@@ -30,20 +30,12 @@ DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 
 
 class Evaluation(NamedTuple):
-    """Measurements of all pairs and methods, and the failures.
-
-    Parameters
-    ----------
-    pairs
-        Files of each pair.
-    records
-        Records in which the meshes are kept; None if they are not kept.
-    """
+    """Measurements of all pairs and methods, and the failures."""
 
     results: list[RunResult]
     failures: list[FailedRun]
-    pairs: Sequence[FilePair] = ()
-    records: Records | None = None
+    pairs: Sequence[FilePair] = ()  # files of each pair
+    records: Records | None = None  # records in which the meshes are kept; None if they are not kept
 
     @property
     def methods(self) -> list[str]:

@@ -11,28 +11,14 @@ from cascadenorm.evaluation.runs import COLUMNS, NOISY, RunResult
 
 
 class Column(NamedTuple):
-    """A quantity to show for each result.
-
-    Parameters
-    ----------
-    title, unit
-        Heading and unit.
-    digits
-        Digits after the decimal point.
-    value
-        Function from a result to its value, or to None if it has none.
-    deviation
-        Function from a value to its distance from the ideal value.
-    missing
-        Text for results without a value.
-    """
+    """A quantity to show for each result."""
 
     title: str
     unit: str
-    digits: int
-    value: Callable[[RunResult], float | None]
-    deviation: Callable[[float], float] = abs
-    missing: str = "–"
+    digits: int  # after the decimal point
+    value: Callable[[RunResult], float | None]  # function from a result to its value, or to None if it has none
+    deviation: Callable[[float], float] = abs  # from a value to its distance from the ideal value
+    missing: str = "–"  # text for results without a value
 
 
 TABLE_COLUMNS = (

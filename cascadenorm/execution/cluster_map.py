@@ -58,24 +58,12 @@ class _Raised(NamedTuple):
 def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[Map]:
     """Connect to a cluster within the context and process items on its workers, even if some of them die.
 
-    Dask reassigns the items of a lost worker, including those with lost results. Each process works on one item at a
-    time with one thread.
-
-    Parameters
-    ----------
-    scheduler
-        Address, or "local" for a cluster on this machine.
-    workers
-        Number of processes of a cluster on this machine.
-    folder
-        Folder in which workers must run because file names are relative. None accepts any folder.
-
-    Raises
-    ------
-    MissingDependencyError, ParameterError
-        As in `dask_client`; also if `workers` is above 1 for a cluster given by its address.
-    WorkerError
-        An item has killed several workers, the scheduler or all workers are lost, or a worker cannot be used.
+    The scheduler is an address, or "local" for a cluster on this machine with a number of worker processes. They must
+    run in `folder` because file names are relative; None accepts any folder. Dask reassigns the items of a lost worker,
+    including those with lost results. Each process works on one item at a time with one thread. Raises what
+    `dask_client` raises, ParameterError also if `workers` is above 1 for a cluster given by its address, and
+    WorkerError if an item has killed several workers, the scheduler or all workers are lost, or a worker cannot be
+    used.
     """
     if scheduler != LOCAL_CLUSTER and workers > 1:
         raise ParameterError(

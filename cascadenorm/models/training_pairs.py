@@ -20,20 +20,10 @@ from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[Pair]:
     """Read additional meshes for training, oriented, of about unit size, in patches of at most config.max_faces.
 
-    Parameters
-    ----------
-    shapes
-        Clean meshes, or folders of them. They receive noise as set by `config`, repeatedly until they make up about a
-        quarter of the number of generated pairs, at most 20 times.
-    noisy
-        Folders of pairs with equal faces, as accepted by `find_pairs`.
-    config
-        Configuration of the generated pairs.
-
-    Raises
-    ------
-    ReadError, MeshError
-        A file is missing or is not a mesh, a folder has none, or the faces of a pair differ.
+    The shapes are clean meshes, or folders of them. They receive noise as set by `config`, repeatedly until they make
+    up about a quarter of the number of generated pairs, at most 20 times. `noisy` are folders of pairs with equal
+    faces, as accepted by `find_pairs`. Raises ReadError or MeshError if a file is missing or is not a mesh, a folder
+    has none, or the faces of a pair differ.
     """
     own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0

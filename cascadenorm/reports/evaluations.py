@@ -65,14 +65,8 @@ def report_evaluation(
     """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
     The folder has the name of the page, with `_files` instead of the extension. `progress` is called with (task, pairs
-    done, total pairs, next pair).
-
-    Raises
-    ------
-    ParameterError
-        The evaluation kept no meshes, as `evaluate` with `keep` does.
-    OutputError
-        The file exists and force is not given, or it cannot be written.
+    done, total pairs, next pair). Raises ParameterError if the evaluation kept no meshes, as `evaluate` with `keep`
+    does, and OutputError if the file exists and force is not given, or if it cannot be written.
     """
     folder = check_evaluation(output, force=force)
     if done.records is None:
