@@ -6,7 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm.geometry.vertex_clusters import vertex_areas, vertex_clusters
-from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import (
+    Bools,
+    Csr,
+    Floats,
+    Ints32,
+    Mesh,
+    Topology,
+    Vectors,
+    kernel,
+    parallel_for,
+    scatter_add,
+    without_repeated_faces,
+)
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, dot, row, scaled, subtract
 
@@ -44,11 +56,8 @@ class CoarseCopy(NamedTuple):
         """
         topology = self.mesh.topology
         single = topology.edge_faces.counts[topology.face_edges] == 1
-        faces, weights, outside = (
-            np.empty(len(points), np.int32),
-            np.empty((len(points), 3)),
-            np.empty(len(points), bool),
-        )
+        faces, outside = np.empty(len(points), np.int32), np.empty(len(points), bool)
+        weights = np.empty((len(points), 3))
         arrays = self.mesh.vertices, self.mesh.faces, topology.vertex_faces, topology.vertex_neighbors, single
         parallel_for(len(points), _feet_range, points, self.labels, *arrays, faces, weights, outside)
         return Feet(faces, weights, outside)
@@ -76,7 +85,7 @@ def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
     has enough vertices. Clusters are made smaller where the copy would have a hole, a fold or a non-manifold edge that
     the surface does not have.
     """
-    spacing, faces = _spacing(mesh, length), _distinct(mesh.faces)
+    spacing, faces = _spacing(mesh, length), without_repeated_faces(mesh).faces
     for halving in range(EDGE_HALVINGS + 1):
         labels = vertex_clusters(mesh, spacing)
         triangles, twice = _triangles(labels[faces])
@@ -95,15 +104,6 @@ def _spacing(mesh: Mesh, length: float) -> Floats:
     areas = scatter_add(mesh.topology.face_components, mesh.areas, int(components.max()) + 1)
     smallest = np.sqrt(areas / (LEAST_CLUSTERS * math.sqrt(0.75)))  # a hexagon of width d has the area √¾ d²
     return np.maximum(np.minimum(length, smallest), np.finfo(float).tiny)[components]
-
-
-def _distinct(faces: Ints32) -> Ints32:
-    """Remove duplicate faces, keeping the first face on each set of three vertices, in order."""
-    rows = np.sort(faces, axis=1)
-    order = np.lexsort(rows.T)
-    new = np.ones(len(rows), bool)
-    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
-    return faces if new.all() else faces[np.sort(order[new])]
 
 
 def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
@@ -129,10 +129,8 @@ def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
     torn = np.ones(count, bool)
     torn[triangles] = False  # clusters without a face remain marked
     torn[triangles[twice]] = True
-    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    ends, faces = np.unique(sides, axis=0, return_counts=True)
-    torn[ends[faces > 2]] = True
-    topology = mesh.topology
+    copy, topology = Topology(triangles, count), mesh.topology
+    torn[copy.edges[copy.edge_faces.counts > 2]] = True
     torn[labels[topology.edges[topology.edge_faces.counts > 2]]] = False
     return torn & (np.bincount(labels[labels >= 0], minlength=count) > 1)
 
@@ -205,14 +203,8 @@ def foot(p: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, floa
 
     A coordinate is exactly 0 if the nearest point lies on the opposite side, including its ends.
     """
-    ab, ac, bc, ap, bp, cp = (
-        subtract(b, a),
-        subtract(c, a),
-        subtract(c, b),
-        subtract(p, a),
-        subtract(p, b),
-        subtract(p, c),
-    )
+    ab, ac, bc = subtract(b, a), subtract(c, a), subtract(c, b)
+    ap, bp, cp = subtract(p, a), subtract(p, b), subtract(p, c)
     ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
     # the three corners
     if ab_a <= 0 and ac_a <= 0:

@@ -16,7 +16,7 @@ def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
     total = np.einsum("ij,ij->i", cotangent_laplacian(mesh).stiffness @ mesh.vertices, mesh.vertex_normals)
     areas = mixed_areas(mesh)
     curvature = np.divide(0.5 * total, areas, out=np.full(len(areas), np.nan), where=areas > 0)
-    curvature[mesh.topology.edges[mesh.topology.edge_faces.counts == 1]] = np.nan
+    curvature[mesh.topology.boundary_vertices] = np.nan
     return np.where(np.isfinite(curvature), curvature, np.nan)
 
 

@@ -18,11 +18,7 @@ LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
 def without_flips(
-    mesh: Mesh,
-    vertices: Vectors,
-    *,
-    may_flip: NDArray[np.bool_] | None = None,
-    smooth: NDArray[np.bool_] | None = None,
+    mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None, smooth: NDArray[np.bool_] | None = None
 ) -> Vectors:
     """Reduce displacements to (n, 3) positions that would flip faces, or fold edges without independent vertex noise.
 

@@ -92,13 +92,7 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     return distances
 
 
-def _heat(
-    stiffness: "scipy.sparse.csr_array",
-    mass: Floats,
-    positions: Vectors,
-    sources: Bools,
-    time: float,
-) -> Floats:
+def _heat(stiffness: "scipy.sparse.csr_array", mass: Floats, positions: Vectors, sources: Bools, time: float) -> Floats:
     """Return the heat after one implicit step, with the time increased until heat has reached every vertex."""
     while True:
         step = scipy.sparse.diags_array(mass) + time * stiffness

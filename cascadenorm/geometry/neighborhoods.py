@@ -20,6 +20,8 @@ from cascadenorm.mesh import (
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
+LEAST_SEARCHES = 16
+"""Smallest number of centres for a thread: a few large neighbourhoods are worth several threads."""
 
 
 def within(
@@ -32,7 +34,8 @@ def within(
     `most` points in breadth-first order.
     """
     count = len(centers)
-    return joined_rows(count, parallel_for(count, _within_range, centers, radii, points, graph, seeds, most))
+    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, most, smallest=LEAST_SEARCHES)
+    return joined_rows(count, parts)
 
 
 def faces_near(mesh: Mesh, faces: Ints32, radius: float, *, most: int = UNLIMITED) -> Csr:
@@ -82,14 +85,7 @@ def _steps(faces: Ints32, around: Csr, seeds: Ints32, most: int, steps: Ints32) 
 
 @kernel
 def _within_range(
-    start: int,
-    stop: int,
-    centers: Vectors,
-    radii: Floats,
-    points: Vectors,
-    neighbors: Csr,
-    seeds: Csr,
-    most: int,
+    start: int, stop: int, centers: Vectors, radii: Floats, points: Vectors, neighbors: Csr, seeds: Csr, most: int
 ) -> tuple[Ints, Ints32]:
     """Search breadth first from the seeds of each centre in start … stop; return the row lengths and the points."""
     seen = np.full(len(points), -1, np.int32)
@@ -105,11 +101,8 @@ def _within_range(
             if current < first:
                 low, high, source = seeds.indptr[i], seeds.indptr[i + 1], seeds.indices
             else:
-                low, high, source = (
-                    neighbors.indptr[found[current]],
-                    neighbors.indptr[found[current] + 1],
-                    neighbors.indices,
-                )
+                j = found[current]
+                low, high, source = neighbors.indptr[j], neighbors.indptr[j + 1], neighbors.indices
             for k in range(low, high):
                 j = source[k]
                 if seen[j] == i:

@@ -70,7 +70,8 @@ def shells(mesh: Mesh) -> Shells | None:
     if (mesh.topology.edge_faces.counts < 3).all():
         return None
     distinct = _first_duplicates(mesh.faces)
-    junctions = _junctions(mesh, distinct)
+    counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
+    junctions = np.flatnonzero(counts >= 3)
     if not len(junctions):
         return None
     wall = np.unique(oriented_patches(mesh).patch, return_inverse=True)[1]
@@ -88,12 +89,6 @@ def shells(mesh: Mesh) -> Shells | None:
     return Shells(*parts, edges[divided[component[edges[:, 0]]]])
 
 
-def _junctions(mesh: Mesh, distinct: Bools) -> Ints:
-    """Return the edges with three or more faces, counting duplicate faces once."""
-    counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
-    return np.flatnonzero(counts >= 3)
-
-
 def _regions_at(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[Ints, Bools]:
     """Return the region of each wall side, and whether an odd number of walls separates three regions at each junction.
 
@@ -106,11 +101,7 @@ def _regions_at(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tup
 
 
 def _side_by_side(
-    mesh: Mesh,
-    inside: Bools,
-    distinct: Bools,
-    ahead: Ints,
-    behind: Ints,
+    mesh: Mesh, inside: Bools, distinct: Bools, ahead: Ints, behind: Ints
 ) -> tuple[Mesh, Ints, Ints, Bools]:
     """Copy faces for the regions in front of and behind them.
 
