@@ -30,6 +30,7 @@ from cascadenorm.execution.cluster import (
     dask_client,
     dask_message,
     lost_scheduler,
+    mismatch,
     no_workers,
 )
 from cascadenorm.execution.memory import available_memory
@@ -209,10 +210,9 @@ class ClusterProcesses:
             if future.status == "error":  # else the worker has left meanwhile
                 self._refused[address] = dask_message(error)
             return
-        if about.version != __version__:
-            self._refused[address] = f"it has cascadenorm {about.version}, and here is {__version__}"
-        elif self._folder not in (None, about.folder):
-            self._refused[address] = f"it runs in {about.folder}, where relative names mean others: give absolute ones"
+        reason = mismatch(about.version, __version__, about.folder, self._folder)
+        if reason is not None:
+            self._refused[address] = f"it {reason}"
         elif about.process not in self._hung:
             self._members[address] = Member(about.threads, about.memory, 1, address=address, process=about.process)
 

@@ -100,6 +100,15 @@ def no_workers(scheduler: str, seconds: float) -> WorkerError:
     return WorkerError(f"the cluster at {scheduler} has had no worker for {seconds:.0f} seconds")
 
 
+def mismatch(version: str, wanted_version: str, folder: str, wanted_folder: str | None) -> str | None:
+    """Return why a worker with this version and current folder cannot be used; None if it can."""
+    if version != wanted_version:
+        return f"has cascadenorm {version}, and here is {wanted_version}"
+    if wanted_folder not in (None, folder):
+        return f"runs in {folder}, where relative names mean others: give absolute ones"
+    return None
+
+
 def dask_message(error: Exception) -> str:
     """Return the text of a Dask error, or its class name if the text is empty."""
     return str(error) or type(error).__name__

@@ -25,6 +25,7 @@ from cascadenorm.execution.cluster import (
     dask_client,
     dask_message,
     lost_scheduler,
+    mismatch,
     no_workers,
 )
 from cascadenorm.execution.memory import USABLE_FRACTION, available_memory
@@ -111,11 +112,9 @@ def _process(here: _Requirements, work: Callable[[Item], Result], item: Item) ->
     """Process one item in a worker."""
     from distributed import get_worker
 
-    name, folder = get_worker().address, os.getcwd()
-    if here.version != __version__:
-        raise WorkerError(f"the worker {name} has cascadenorm {__version__}, and here is {here.version}")
-    if here.folder not in (None, folder):
-        raise WorkerError(f"the worker {name} runs in {folder}, where relative names mean others: give absolute ones")
+    reason = mismatch(__version__, here.version, os.getcwd(), here.folder)
+    if reason is not None:
+        raise WorkerError(f"the worker {get_worker().address} {reason}")
     with _one_at_a_time, limit_threads(1), threadpool_limits(1):
         try:
             return work(item)
