@@ -115,12 +115,8 @@ class Workbench:
     ) -> dict[str, Any]:
         """Denoise the mesh, a coarse one first if it is large.
 
-        Parameters
-        ----------
-        listener
-            Called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends it.
-        preview
-            Called with a scene of the coarse mesh.
+        `listener` is called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends
+        the work. `preview` is called with a scene of the coarse mesh.
         """
         asked = self.asked(settings)
         if self.coarse is not None and self._key(settings) not in self._results and not self._steps_of(asked).whole:

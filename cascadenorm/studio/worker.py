@@ -48,7 +48,7 @@ class Channel:
     ended by itself.
     """
 
-    def __init__(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
+    def __init__(self, heard: Callable[[Reply], object], ended: Callable[[WorkerError], object]) -> None:
         self._oldest = get_context("spawn").Value("q", 0)
         self._worker: Worker[Request, Reply] = Worker(partial(_serve, oldest=self._oldest))
         self._stopped = False
@@ -73,7 +73,7 @@ class Channel:
         while (request := self._waiting.get()) is not None:
             self._worker.send(request)
 
-    def _listen(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
+    def _listen(self, heard: Callable[[Reply], object], ended: Callable[[WorkerError], object]) -> None:
         try:
             while True:
                 heard(self._worker.receive())
