@@ -87,8 +87,8 @@ def draw(examples: Sequence[Example], folder: Path) -> None:
 
     Raises OutputError if the folder cannot be written.
     """
-    before_after = montage([_before_after(example) for example in examples])
-    errors = montage([_errors(example) for example in examples], bar=Bar("Angle to the truth (°)", _LIMITS))
+    before_after = montage([_row(example) for example in examples])
+    errors = montage([_row(one, errors=True) for one in examples], bar=Bar("Angle to the truth (°)", _LIMITS))
     for name, figure in ((BEFORE_AFTER, before_after), (ERRORS, errors)):
         write_atomically(folder / name, [png(pixels(figure))], force=True)
 
@@ -142,25 +142,11 @@ def _save(folder: Path, example: Example) -> None:
         save_mesh(folder / f"{outcome.method}.ply", outcome.mesh, force=True)
 
 
-def _before_after(example: Example) -> list[Panel]:
-    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    shown = [(outcome.mesh, _caption(outcome)) for outcome in (example.noisy, *example.denoised)]
-    return [
-        Panel(render(mesh, view=view, size=_PANEL), caption)
-        for mesh, caption in (*shown, (example.clean, "true shape"))
-    ]
-
-
-def _errors(example: Example) -> list[Panel]:
-    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    return [
-        Panel(
-            render(outcome.mesh, view=view, size=_PANEL, values=HeatMap(outcome.angles, "face", _LIMITS)),
-            _caption(outcome),
-        )
-        for outcome in (example.noisy, *example.denoised)
-    ]
-
-
-def _caption(outcome: Outcome) -> str:
-    return f"{outcome.method} {outcome.angles.mean():.1f}°"
+def _row(example: Example, *, errors: bool = False) -> list[Panel]:
+    """Draw the noisy and the denoised meshes: with their errors as colours, or beside the true shape."""
+    view, panels = Camera.looking_at(example.clean, direction=EXAMPLES[example.name]), []
+    for outcome in (example.noisy, *example.denoised):
+        heat = HeatMap(outcome.angles, "face", _LIMITS) if errors else None
+        picture = render(outcome.mesh, view=view, size=_PANEL, values=heat)
+        panels.append(Panel(picture, f"{outcome.method} {outcome.angles.mean():.1f}°"))
+    return panels if errors else [*panels, Panel(render(example.clean, view=view, size=_PANEL), "true shape")]

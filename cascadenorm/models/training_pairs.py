@@ -1,5 +1,6 @@
 """Read training pairs from files, or generate them and write them to files."""
 
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -51,11 +52,9 @@ def _mesh_files(places: Paths) -> list[Path]:
     """List the given files, and the mesh files in the given folders by name."""
     files = []
     for place in paths_of(places):
-        found = (
-            sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
-            if place.is_dir()
-            else [place]
-        )
+        found = [place]
+        if place.is_dir():
+            found = sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
         if not found:
             raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
         files += found
@@ -108,12 +107,8 @@ def write_pairs(
     config = DatasetConfig(count=count, seed=seed)
     try:
         with use_cluster(scheduler, workers=workers, folder=None):
-            write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
+            write_dataset(folder, config, write=partial(save_mesh, force=True), workers=workers, progress=progress)
     except OutputError:
         raise
     except OSError as error:
         raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
-
-
-def _overwrite(path: Path, mesh: Mesh) -> None:
-    save_mesh(path, mesh, force=True)

@@ -57,12 +57,9 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
             f"is {format_bytes(memory)}; {faces:,} faces need at least {format_bytes(least)}", parameter="memory"
         )
     if scheduler is None:
-        # a larger patch would save little; the remaining memory caches results between passes
-        size = (
-            left // PATCH_FACE_BYTES
-            if left >= PATCH_FACE_BYTES * faces
-            else min(MAX_PATCH_FACES, max(MIN_PATCH_FACES, left // 2 // PATCH_FACE_BYTES))
-        )
+        size = left // PATCH_FACE_BYTES
+        if size < faces:  # a larger patch would save little; the remaining memory caches results between passes
+            size = min(MAX_PATCH_FACES, max(MIN_PATCH_FACES, size // 2))
         with working_in_patches(Patching(size, spare=left - size * PATCH_FACE_BYTES)):
             yield
         return

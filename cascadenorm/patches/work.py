@@ -82,25 +82,11 @@ def each_patch(
 ) -> Iterator[tuple[MeshPatch, Result]]:
     """Apply work to each patch of a mesh, and yield each patch, without its positions, with the result.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices and m faces.
-    patching
-        Settings for work in patches.
-    work
-        Picklable function, called with a `MeshPatch` and its rows of `vertices` and `faces`, which it must not change.
-        If it raises `TooNarrow`, it is repeated with a halo of twice the width.
-    receptive_field
-        Receptive field of the work: the number of edges around the corners of a face that affect its result.
-    facts
-        Properties of the whole mesh that the work depends on, such as "mean_edge_length".
-    vertices, faces
-        Arrays of shape (n, …) and (m, …) with additional values.
-    components
-        Whether the work depends on connected components.
-    boxes
-        Patches to process, by `MeshPatch.box`; None selects all patches.
+    The work is a picklable function, called with a `MeshPatch` and its rows of the arrays `vertices`, (n, …), and
+    `faces`, (m, …), which it must not change. If it raises `TooNarrow`, it is repeated with a halo of twice the width.
+    Its receptive field is the number of edges around the corners of a face that affect its result. It may also depend
+    on `facts`, properties of the whole mesh such as "mean_edge_length", and on connected components. The boxes are the
+    patches to process, by `MeshPatch.box`; None selects all patches.
     """
     known = {name: float(getattr(mesh, name)) for name in facts}
     labels = mesh.topology.components if components else None

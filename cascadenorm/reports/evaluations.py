@@ -1,6 +1,6 @@
 """Evaluations as HTML: one page with tables and figures, and a page with the viewer for each pair."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from os import PathLike
@@ -179,13 +179,9 @@ def _viewer(shown: _Shown) -> Mapping[str, object]:
 
 
 def _table(one: tables.Table) -> str:
-    """Return a table with its best cells in bold."""
-    return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=_bold(one.rows), numbers=True)
-
-
-def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
-    """Return the row, counted from 1 after the head, and the column of the best cells."""
-    return {(i, j) for i, row in enumerate(rows, start=1) for j, cell in enumerate(row) if cell.best}
+    """Return a table with its best cells in bold; the head is row 0."""
+    best = {(i, j) for i, row in enumerate(one.rows, start=1) for j, cell in enumerate(row) if cell.best}
+    return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=best, numbers=True)
 
 
 def _failures(failures: Sequence[FailedRun]) -> str:
