@@ -48,7 +48,7 @@ def _connected(labels: Ints32, edges: Ints32, around: Csr) -> Ints32:
     sizes = np.bincount(pieces)
     owners = np.empty(len(sizes), np.int32)
     owners[pieces] = labels
-    by_size = np.lexsort([-sizes, owners])  # stable, so that ties go to the first piece
+    by_size = np.lexsort((-sizes, owners))  # stable, so that ties go to the first piece
     _, first = np.unique(owners[by_size], return_index=True)
     largest = np.zeros(len(sizes), bool)
     largest[by_size[first]] = True
