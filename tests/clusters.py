@@ -28,7 +28,8 @@ import logging, os, random, signal, sys, time
 import dask
 from distributed import LocalCluster
 from cascadenorm.execution.cluster import LOCAL_CLUSTER_CONFIG
-dask.config.set({**LOCAL_CLUSTER_CONFIG, "distributed.scheduler.worker-ttl": sys.argv[1]})
+silent = sys.argv[1]  # how long a worker may be silent
+dask.config.set({**LOCAL_CLUSTER_CONFIG, "distributed.scheduler.worker-ttl": silent})
 if __name__ == "__main__":
     draw = random.Random(3)
     with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",

@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from functools import partial
 from os import PathLike
@@ -25,7 +25,7 @@ from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, Watched
-from cascadenorm.batch.work import Outcome, Task, work
+from cascadenorm.batch.work import Outcome, Settings, Task, work
 from cascadenorm.controls.settings import Controls, with_control_parameters
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.execution.cluster import required_folder
@@ -51,24 +51,13 @@ class Failure(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Outcome of the files of a batch.
+    """Outcome of the files of a batch."""
 
-    Parameters
-    ----------
-    lines
-        Manifest lines of the files that were denoised or failed in this run, in the order in which they ended.
-    kept
-        Names of the files that were already done.
-    failures
-        Errors of the files that failed.
-    skipped
-        Names of files that were not read because `denoise` wrote them beside their sources.
-    """
-
+    # manifest lines of the files that were denoised or failed in this run, in the order in which they ended
     lines: list[Line]
-    kept: list[str]
-    failures: list[Failure]
-    skipped: list[str]
+    kept: list[str]  # names of the files that were already done
+    failures: list[Failure]  # errors of the files that failed
+    skipped: list[str]  # names of files that were not read because `denoise` wrote them beside their sources
 
 
 @with_control_parameters
@@ -147,39 +136,48 @@ def denoise_files(
     WorkerError
         The scheduler or the workers of a cluster are unreachable or cannot do the work.
     """
-    for name, value, least in (("retries", retries, 0), ("workers", workers, 1), ("watch", watch, 0)):
-        if value is not None and not value >= least:
-            raise ParameterError(f"is {value}; it must be at least {least}", parameter=name)
-    if timeout is not None and not timeout > 0:
-        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
-    if format is not None:
-        format = output_format(f".{format}")  # ".STL" is "stl"
+    _check_numbers(timeout, retries=retries, workers=workers, watch=watch)
+    format = None if format is None else output_format(f".{format}")  # ".STL" is "stl"
     settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
     here = _this_machine(workers, threads, memory, scheduler)
     folder: str | Path = str(output).rstrip("/") if is_url(output) else Path(output)
     record = _manifest_path(folder, manifest)
-    find = partial(find_jobs, sources, folder, format)
     skipped: list[str] = []
-    jobs = find(skipped=skipped)
+    jobs = find_jobs(sources, folder, format, skipped=skipped)
     if watch is None:
         check_sources(sources, folder, jobs)
-    if scheduler is None:
-        started: Processes = LocalProcesses(partial(work, settings), here)
-    else:
-        from cascadenorm.batch.cluster_processes import ClusterProcesses  # needs distributed
-
-        values = [*settings.parameters.values(), *settings.controls.values()]
-        places = [name for name in (*listed(sources), output) if not is_url(name)]
-        place = required_folder(places, values)
-        started = ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=place)
-    with closing(started) as processes, closing(Manifest(record.parent, record.name)) as lines:
+    processes = _started(settings, here, workers, scheduler, [*listed(sources), output])
+    with closing(processes), closing(Manifest(record.parent, record.name)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
         if watch is None:
             run.all(jobs)
         else:
-            names = ", ".join(listed(sources))
+            names, find = ", ".join(listed(sources)), partial(find_jobs, sources, folder, format)
             run.all([], Watched(find, watch, lambda error: run.tell(Failure(names, error))))
     return run.done._replace(skipped=skipped)
+
+
+def _check_numbers(timeout: float | None, **numbers: float | None) -> None:
+    """Raise ParameterError for numbers that are too small."""
+    for name, value in numbers.items():
+        least = 1 if name == "workers" else 0
+        if value is not None and not value >= least:
+            raise ParameterError(f"is {value}; it must be at least {least}", parameter=name)
+    if timeout is not None and not timeout > 0:
+        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
+
+
+def _started(
+    settings: Settings, here: Place, workers: int | None, scheduler: str | None, names: list[str | PathLike[str]]
+) -> Processes:
+    """Start processes on this machine, or connect to those of a cluster, which can find the files of these names."""
+    if scheduler is None:
+        return LocalProcesses(partial(work, settings), here)
+    from cascadenorm.batch.cluster_processes import ClusterProcesses  # needs distributed
+
+    values = [*settings.parameters.values(), *settings.controls.values()]
+    folder = required_folder([name for name in names if not is_url(name)], values)
+    return ClusterProcesses(partial(work, settings), scheduler, here, count=workers, folder=folder)
 
 
 def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Path:
@@ -221,60 +219,57 @@ def _remove_unfinished(jobs: list[Job]) -> None:
         remove_unfinished([Path(job.output) for job in jobs if not is_url(job.output)])
 
 
+@dataclass
 class _Run:
     """The state of a running batch."""
 
-    def __init__(
-        self,
-        key: str,
-        folder: str | Path,
-        manifest: Manifest,
-        processes: Processes,
-        retries: int,
-        timeout: float | None,
-        listener: Listener | None,
-        on_failure: Callable[[Failure], object] | None,
-    ) -> None:
-        self._key, self._folder, self._manifest, self._processes = key, folder, manifest, processes
-        self._retries, self._timeout, self._listener, self._on_failure = retries, timeout, listener, on_failure
-        self._schedule = Schedule()
-        self._busy: dict[Job, _Begun] = {}
-        self._attempts: dict[Job, int] = {}
-        self._found = self._ended = 0
-        self.done = Batch([], [], [], [])
+    key: str  # of the settings
+    folder: str | Path
+    manifest: Manifest
+    processes: Processes
+    retries: int
+    timeout: float | None
+    listener: Listener | None
+    on_failure: Callable[[Failure], object] | None
+    schedule: Schedule = field(default_factory=Schedule)
+    busy: dict[Job, _Begun] = field(default_factory=dict)
+    attempts: dict[Job, int] = field(default_factory=dict)
+    found: int = 0  # bytes, with COST for each file
+    ended: int = 0  # such bytes of the files that ended
+    done: Batch = field(default_factory=lambda: Batch([], [], [], []))
 
     def all(self, jobs: list[Job], watched: Watched | None = None) -> None:
         """Denoise all files, including those that settle later; clean up processes and partial files even on error."""
         try:
             _remove_unfinished(jobs)
             self._add(jobs)
-            while self._schedule.left or watched is not None:
+            while self.schedule.left or watched is not None:
                 self._begin_all()
-                for job, outcome in self._processes.ended(self._patience(None if watched is None else SCAN)):
+                for job, outcome in self.processes.ended(self._patience(None if watched is None else SCAN)):
                     self._end(job, outcome)
                 self._stop_late()
                 if watched is not None:
-                    self._add(watched.take({job.source for job in self._attempts}))
+                    self._add(watched.take({job.source for job in self.attempts}))
         finally:
-            self._processes.close()
-            _remove_unfinished(list(self._busy))
+            self.processes.close()
+            _remove_unfinished(list(self.busy))
 
     def tell(self, failure: Failure) -> None:
         """Report a failure to the caller as it happens."""
-        if self._on_failure is not None:
-            self._on_failure(failure)
+        if self.on_failure is not None:
+            self.on_failure(failure)
 
     def _add(self, jobs: list[Job]) -> None:
-        self._schedule.add(jobs)
-        self._attempts.update(dict.fromkeys(jobs, 0))
-        self._found += sum(job.size + COST for job in jobs)
+        self.schedule.add(jobs)
+        self.attempts.update(dict.fromkeys(jobs, 0))
+        self.found += sum(job.size + COST for job in jobs)
 
     def _begin_all(self) -> None:
         """Start as many files as processes, cores and memory allow."""
-        while (following := self._schedule.next(self._processes.places)) is not None:
+        while (following := self.schedule.next(self.processes.places)) is not None:
             place, job, threads = following
-            self._attempts[job] += 1
-            task = Task(job, self._manifest.last.get(self._name(job)))
+            self.attempts[job] += 1
+            task = Task(job, self.manifest.last.get(self._name(job)))
             if task.line is None and not is_url(job.output) and not os.path.lexists(job.output):
                 self._start(place, task, threads)  # nothing to check
             else:
@@ -282,31 +277,31 @@ class _Run:
 
     def _start(self, place: Place, task: Task, threads: int, digest: str | None = None) -> None:
         """Start denoising a file; the digest comes from its check."""
-        self._manifest.add(self._line("started", task, Outcome(status="new", input_digest=digest)))
+        self.manifest.add(self._line("started", task, Outcome(status="new", input_digest=digest)))
         self._begin(place, task._replace(checked=True, digest=digest), threads)
 
     def _begin(self, place: Place, task: Task, threads: int) -> None:
-        end = math.inf if self._timeout is None else time.monotonic() + self._timeout
-        self._busy[task.job] = _Begun(task, place, threads, end)
-        self._processes.begin(place, task, threads)
+        end = math.inf if self.timeout is None else time.monotonic() + self.timeout
+        self.busy[task.job] = _Begun(task, place, threads, end)
+        self.processes.begin(place, task, threads)
 
     def _patience(self, seconds: float | None) -> float | None:
         """Return how long to wait for outcomes: the given seconds, or less if a file reaches its timeout earlier."""
-        if self._timeout is None or not self._busy:
+        if self.timeout is None or not self.busy:
             return seconds
-        left = max(0.0, min(begun.end for begun in self._busy.values()) - time.monotonic())
+        left = max(0.0, min(begun.end for begun in self.busy.values()) - time.monotonic())
         return left if seconds is None else min(seconds, left)
 
     def _stop_late(self) -> None:
         """Stop the processes that exceeded the timeout."""
         now = time.monotonic()
-        for job in [job for job, begun in self._busy.items() if begun.end <= now]:
-            self._processes.stop(job)
-            self._end(job, WorkerError(f"it took longer than {self._timeout:g} seconds, and was stopped"))
+        for job in [job for job, begun in self.busy.items() if begun.end <= now]:
+            self.processes.stop(job)
+            self._end(job, WorkerError(f"it took longer than {self.timeout:g} seconds, and was stopped"))
 
     def _end(self, job: Job, outcome: Outcome | WorkerError) -> None:
         """Handle the outcome of a process; after a check, denoise the file in the same place."""
-        begun = self._busy.pop(job)
+        begun = self.busy.pop(job)
         task = begun.task
         if isinstance(outcome, WorkerError):
             _remove_unfinished([job])
@@ -314,9 +309,9 @@ class _Run:
         if outcome.status == "new":
             self._start(begun.place, task, begun.threads, outcome.input_digest)
             return
-        self._schedule.end(job)
-        if outcome.then == "again" and self._attempts[job] <= self._retries:
-            self._schedule.again(job)
+        self.schedule.end(job)
+        if outcome.then == "again" and self.attempts[job] <= self.retries:
+            self.schedule.again(job)
             return
         self._record(task, outcome)
 
@@ -326,7 +321,7 @@ class _Run:
             self.done.kept.append(task.job.source)
         else:
             line = self._line(outcome.status, task, outcome)
-            self._manifest.add(line)
+            self.manifest.add(line)
             self.done.lines.append(line)
         if outcome.error is not None:
             self.done.failures.append(Failure(task.job.source, outcome.error))
@@ -336,19 +331,19 @@ class _Run:
                     "the disk is full",
                     hint="free some space and run the same command again: files that are done are kept",
                 )
-        del self._attempts[task.job]
-        self._ended += task.job.size + COST
-        if self._listener is not None:
-            self._listener(self._ended / self._found)
+        del self.attempts[task.job]
+        self.ended += task.job.size + COST
+        if self.listener is not None:
+            self.listener(self.ended / self.found)
 
     def _name(self, job: Job) -> str:
         """Return the name of a result in the manifest, relative to the output folder."""
-        if isinstance(self._folder, str):
-            return job.output.removeprefix(f"{self._folder}/")
-        return Path(job.output).relative_to(self._folder).as_posix()
+        if isinstance(self.folder, str):
+            return job.output.removeprefix(f"{self.folder}/")
+        return Path(job.output).relative_to(self.folder).as_posix()
 
     def _line(self, status: str, task: Task, outcome: Outcome) -> Line:
-        previous = self._manifest.last.get(self._name(task.job)) or {}
+        previous = self.manifest.last.get(self._name(task.job)) or {}
         summary = None if outcome.summary is None else asdict(outcome.summary)
         error = outcome.error
         return {
@@ -357,8 +352,8 @@ class _Run:
             "input_sha256": outcome.input_digest,
             "output": self._name(task.job),
             "output_sha256": outcome.output_digest or previous.get("output_sha256"),
-            "settings": self._key,
-            "attempts": self._attempts[task.job],
+            "settings": self.key,
+            "attempts": self.attempts[task.job],
             "seconds": outcome.seconds,
             "time": datetime.now(timezone.utc).isoformat(timespec="milliseconds"),
             "summary": summary,

@@ -30,6 +30,7 @@ from cascadenorm.execution.cluster import (
     dask_client,
     dask_message,
     lost_scheduler,
+    mismatch,
     no_workers,
 )
 from cascadenorm.execution.memory import available_memory
@@ -86,23 +87,9 @@ def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
 class ClusterProcesses:
     """The available workers of a cluster; workers may join and leave.
 
-    Parameters
-    ----------
-    work
-        Function that processes a task.
-    scheduler
-        Address, or "local".
-    here
-        Resources that a cluster on this machine divides among its workers.
-    count
-        Maximum number of workers. None uses all.
-    folder
-        Folder in which workers must run because file names are relative. None accepts any folder.
-
-    Raises
-    ------
-    MissingDependencyError, ParameterError
-        As in `dask_client`.
+    The scheduler is an address, or "local" for a cluster that divides the resources `here` among its workers. At most
+    `count` workers are used; None uses all. They must run in `folder` because file names are relative; None accepts any
+    folder. Raises MissingDependencyError or ParameterError as `dask_client` does.
     """
 
     def __init__(self, work: Work, scheduler: str, here: Place, *, count: int | None, folder: str | None) -> None:
@@ -135,10 +122,7 @@ class ClusterProcesses:
     def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
         """Wait for outcomes, at most until the next check of the available workers.
 
-        Raises
-        ------
-        WorkerError
-            The scheduler or all workers are unreachable.
+        Raises WorkerError if the scheduler or all workers are unreachable.
         """
         found: list[tuple[Job, Outcome | WorkerError]] = []
         wait = POLL_INTERVAL_S if seconds is None else min(seconds, POLL_INTERVAL_S)
@@ -226,10 +210,9 @@ class ClusterProcesses:
             if future.status == "error":  # else the worker has left meanwhile
                 self._refused[address] = dask_message(error)
             return
-        if about.version != __version__:
-            self._refused[address] = f"it has cascadenorm {about.version}, and here is {__version__}"
-        elif self._folder not in (None, about.folder):
-            self._refused[address] = f"it runs in {about.folder}, where relative names mean others: give absolute ones"
+        reason = mismatch(about.version, __version__, about.folder, self._folder)
+        if reason is not None:
+            self._refused[address] = f"it {reason}"
         elif about.process not in self._hung:
             self._members[address] = Member(about.threads, about.memory, 1, address=address, process=about.process)
 

@@ -21,22 +21,14 @@ Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
 class Job(NamedTuple):
-    """A file to be denoised.
+    """A file to be denoised."""
 
-    Parameters
-    ----------
-    source, output
-        Paths or URLs.
-    size
-        Size of the source in bytes.
-    changed
-        Modification time of the source in nanoseconds; for a URL, a text that changes with its content; None if the
-        source does not exist.
-    """
-
+    # source, output: paths or URLs
     source: str
     output: str
-    size: int
+    size: int  # of the source in bytes
+    # modification time of the source in nanoseconds; for a URL, a text that changes with its content; None if the
+    # source does not exist
     changed: int | str | None
 
 
@@ -55,26 +47,11 @@ def find_jobs(
 ) -> list[Job]:
     """List the files that exist now, with the paths of their results, largest first.
 
+    Names of single files are used as they are; folders and patterns select files with the extension of a mesh format.
     Results keep the folder structure of the sources below their common folder, which for a pattern is the part before
-    the first wildcard. Files in the output folder are not read, nor are results that `denoise` wrote beside their
-    sources.
-
-    Parameters
-    ----------
-    sources
-        Names of single files are used as they are. Folders and patterns select files with the extension of a mesh
-        format.
-    folder
-        Output folder, as a path or URL.
-    format
-        Format of the results. None keeps the format of each source.
-    skipped
-        Receives the names of the results of `denoise` that are not read.
-
-    Raises
-    ------
-    ReadError
-        Only some of the sources are URLs, or a server does not answer.
+    the first wildcard, and the format of each source if none is given. Files in the output folder, a path or URL, are
+    not read, nor are results that `denoise` wrote beside their sources, whose names are added to `skipped`. Raises
+    ReadError if only some of the sources are URLs, or if a server does not answer.
     """
     places = listed(sources)
     remote = list(map(is_url, places))
@@ -126,15 +103,7 @@ def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator
 
 
 def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:
-    """Reject a batch without files, or with two files that have the same output path.
-
-    Raises
-    ------
-    ReadError
-        No file was found.
-    OutputError
-        Two files have the same output path.
-    """
+    """Reject a batch without files with ReadError, and one with two files of the same output path with OutputError."""
     if not jobs:
         named = ", ".join(listed(sources))
         raise ReadError(

@@ -26,10 +26,7 @@ Line = dict[str, Any]
 class Manifest:
     """The manifest in a folder, open for new lines; lines that cannot be parsed, such as truncated ones, are ignored.
 
-    Attributes
-    ----------
-    last
-        Last line of each output, by output name.
+    `last` is the last line of each output, by output name.
     """
 
     def __init__(self, folder: Path, name: str = MANIFEST_NAME) -> None:

@@ -37,15 +37,7 @@ class Processes(Protocol):
 
 
 class LocalProcesses:
-    """Worker processes on this machine.
-
-    Parameters
-    ----------
-    work
-        Function that processes a task.
-    place
-        Cores and memory that the processes share.
-    """
+    """Worker processes on this machine, which share the cores and the memory of a place."""
 
     def __init__(self, work: Work, place: Place) -> None:
         self._serve = partial(do_jobs, work=work)

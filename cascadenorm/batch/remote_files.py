@@ -25,19 +25,11 @@ WILDCARD = re.compile(r"[*\[]")
 
 
 class RemoteFile(NamedTuple):
-    """A file at a URL.
-
-    Parameters
-    ----------
-    size
-        Size in bytes; 0 if the server does not report it.
-    version
-        Text that changes with the content; None if the file does not exist.
-    """
+    """A file at a URL."""
 
     url: str
-    size: int
-    version: str | None
+    size: int  # in bytes; 0 if the server does not report it
+    version: str | None  # changes with the content; None if the file does not exist
 
 
 class ChangedError(ReadError):
@@ -66,14 +58,8 @@ def fixed_part(url: str) -> str:
 def files_at(url: str) -> list[RemoteFile]:
     """List the files of a URL, which may name a file, a folder or a pattern.
 
-    A URL without wildcards whose last part has an extension names a file, whether it exists or not.
-
-    Raises
-    ------
-    ReadError
-        The server does not answer or denies access.
-    MissingDependencyError
-        Fsspec, or a package it needs for this kind of URL, is not installed.
+    A URL without wildcards whose last part has an extension names a file, whether it exists or not. Raises ReadError if
+    the server does not answer or denies access, and MissingDependencyError without fsspec or a package that it needs.
     """
     if not WILDCARD.search(url) and "." in file_name(url):
         return [_file(url)]
@@ -95,12 +81,8 @@ def exists(url: str) -> bool:
 def fetched(url: str, folder: Path) -> Path:
     """Download a file into a local folder and return its path.
 
-    Raises
-    ------
-    ReadError
-        The download failed.
-    ChangedError
-        The file was replaced during the download; because large files arrive in parts, the copy may mix both versions.
+    Raises ReadError if the download failed, and ChangedError if the file was replaced during the download; because
+    large files arrive in parts, the copy may mix both versions.
     """
     target = folder / file_name(url)
     folder.mkdir(parents=True, exist_ok=True)
@@ -125,10 +107,7 @@ def _version(system: Any, path: str) -> str:
 def put(folder: Path, url: str) -> None:
     """Upload the files of a folder to the folder of a URL, the named one last, so that it never appears incomplete.
 
-    Raises
-    ------
-    OutputError
-        The upload failed.
+    Raises OutputError if the upload fails.
     """
     check_writable(url)
     with _explained(url, OutputError, "written"):

@@ -26,24 +26,12 @@ def needed(job: Job) -> int:
 
 @dataclass(eq=False)
 class Place:
-    """Resources that processes share: this machine, or one worker of a cluster.
+    """Resources that processes share: this machine, or one worker of a cluster."""
 
-    Parameters
-    ----------
-    cores
-        Total number of threads.
-    memory
-        Total memory in bytes.
-    processes
-        Maximum number of processes.
-    running
-        Files in progress, with their memory estimates in bytes.
-    """
-
-    cores: int
-    memory: int
-    processes: int
-    running: dict[Job, int] = field(default_factory=dict)
+    cores: int  # total number of threads
+    memory: int  # total in bytes
+    processes: int  # maximum number
+    running: dict[Job, int] = field(default_factory=dict)  # files in progress, with their memory estimates in bytes
 
 
 class Schedule:

@@ -28,10 +28,7 @@ def settings_of(
 ) -> tuple[Settings, int | None, Listener | None]:
     """Check the settings; return them with the number of threads and the progress listener.
 
-    Raises
-    ------
-    ParameterError
-        A name is unknown, a value is out of range, or weights cannot be read.
+    Raises ParameterError if a name is unknown, a value is out of range, or weights cannot be read.
     """
     every = checked_controls(controls)
     values = find(method).checked(parameters)

@@ -15,19 +15,11 @@ shorter of the last two durations counts, which excludes one-time costs such as 
 
 
 class Watched:
-    """Files that settle while they are watched.
+    """Files that `find` lists, also named ones that are missing, and that stay unchanged for some seconds of the watch.
 
-    A failed scan, for example of a temporarily unavailable network share or server, does not end the watch.
-
-    Parameters
-    ----------
-    find
-        Function that lists existing files, and named files that are missing.
-    seconds
-        Time for which a file must stay unchanged.
-    complain
-        Called with the error of a failed scan, once until a scan succeeds again, and with each file whose result would
-        replace that of another.
+    A failed scan, for example of a temporarily unavailable network share or server, does not end the watch. `complain`
+    is called with the error of a failed scan, once until a scan succeeds again, and with each file whose result would
+    replace that of another.
     """
 
     def __init__(self, find: Callable[[], list[Job]], seconds: float, complain: Callable[[Exception], object]) -> None:
@@ -74,15 +66,7 @@ class Watched:
 
 
 class Settled:
-    """Files whose size and modification time have stayed the same for a while.
-
-    Parameters
-    ----------
-    seconds
-        Time for which they must stay the same.
-    clock
-        Function that returns seconds since an arbitrary time.
-    """
+    """Files whose size and modification time have stayed the same for some seconds, as measured by a clock."""
 
     def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._seconds, self._clock = seconds, clock

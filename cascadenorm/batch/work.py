@@ -26,72 +26,39 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings that apply to every file of a batch.
+    """Settings that apply to every file of a batch."""
 
-    Parameters
-    ----------
-    method, parameters, controls, force
-        As in `denoise_file`.
-    key
-        Digest of everything that a result depends on, except the file.
-    """
-
+    # method, parameters, controls, force: as in `denoise_file`
     method: str
     parameters: Mapping[str, Any]
     controls: Mapping[str, Any]
     force: bool
-    key: str
+    key: str  # digest of everything that a result depends on, except the file
 
 
 class Task(NamedTuple):
-    """A file to be checked or denoised.
-
-    Parameters
-    ----------
-    line
-        Last line of the file in the manifest.
-    checked
-        Whether the check is done or unnecessary, so that the file is denoised next.
-    digest
-        Digest of the file, if the check has computed it.
-    scratch
-        Folder for temporary files. None uses that of the system.
-    """
+    """A file to be checked or denoised."""
 
     job: Job
-    line: Line | None
-    checked: bool = False
-    digest: str | None = None
-    scratch: str | None = None
+    line: Line | None  # last line of the file in the manifest
+    checked: bool = False  # whether the check is done or unnecessary, so that the file is denoised next
+    digest: str | None = None  # of the file, if the check has computed it
+    scratch: str | None = None  # folder for temporary files; None uses that of the system
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Outcome of processing a file.
+    """Outcome of processing a file."""
 
-    Parameters
-    ----------
-    status
-        "new" or "kept" after a check, where "kept" means already done; "done" or "failed" after denoising.
-    input_digest, output_digest
-        Digests of the source and the result, if known.
-    summary
-        Summary of the denoising.
-    error
-        Error of a failed file.
-    then
-        What the batch does after a failure; "stop" if the disk is full.
-    seconds
-        Total time, including reading and writing.
-    """
-
+    # "new" or "kept" after a check, where "kept" means already done; "done" or "failed" after denoising
     status: Literal["new", "kept", "done", "failed"]
+    # input_digest, output_digest: digests of the source and the result, if known
     input_digest: str | None = None
     output_digest: str | None = None
     summary: DenoisingSummary | None = None
     error: Exception | None = None
-    then: Literal["go on", "again", "stop"] = "go on"
-    seconds: float = 0.0
+    then: Literal["go on", "again", "stop"] = "go on"  # what the batch does after a failure; "stop" if the disk is full
+    seconds: float = 0.0  # total time, including reading and writing
 
 
 def work(settings: Settings, task: Task) -> Outcome:
@@ -119,10 +86,7 @@ def _digest_after_failure(source: str) -> str | None:
 def file_and_buffers_digest(path: Path) -> str:
     """Return the digest of a mesh file and of the external buffers of a glTF file.
 
-    Raises
-    ------
-    ReadError
-        One of the files cannot be read.
+    Raises ReadError if one of the files cannot be read.
     """
     try:
         if path.suffix.lower() != ".gltf":

@@ -55,28 +55,12 @@ def demo(
     force: bool = False,
     progress: Progress = no_progress,
 ) -> list[Example]:
-    """Denoise the examples and write the meshes to a folder.
+    """Denoise the examples by methods with their default parameters, write the meshes to a folder, and return them.
 
-    Parameters
-    ----------
-    folder
-        Output folder; created if missing.
-    methods
-        Names of methods, which run with their default parameters.
-    force
-        Replace files of an earlier demonstration. Other files are never touched.
-    progress
-        Called with (task, parts done, total parts, next step).
-
-    Returns
-    -------
-    The examples in order, each measured against its clean mesh
-
-    Raises
-    ------
-    OutputError
-        The folder is a file or cannot be written, or it contains files of an earlier demonstration and `force` is
-        False. In these cases, nothing is written.
+    Each example is measured against its clean mesh. `force` replaces files of an earlier demonstration; other files are
+    never touched. `progress` is called with (task, parts done, total parts, next step). Raises OutputError, before
+    anything is written, if the folder is a file or cannot be written, or if it contains files of an earlier
+    demonstration and `force` is not given.
     """
     folder = Path(folder)
     task, total = "demonstration", len(EXAMPLES) + 1
@@ -101,13 +85,10 @@ def demo(
 def draw(examples: Sequence[Example], folder: Path) -> None:
     """Write the pictures to the folder of the meshes, with one row per example.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be written.
+    Raises OutputError if the folder cannot be written.
     """
-    before_after = montage([_before_after(example) for example in examples])
-    errors = montage([_errors(example) for example in examples], bar=Bar("Angle to the truth (°)", _LIMITS))
+    before_after = montage([_row(example) for example in examples])
+    errors = montage([_row(one, errors=True) for one in examples], bar=Bar("Angle to the truth (°)", _LIMITS))
     for name, figure in ((BEFORE_AFTER, before_after), (ERRORS, errors)):
         write_atomically(folder / name, [png(pixels(figure))], force=True)
 
@@ -161,25 +142,11 @@ def _save(folder: Path, example: Example) -> None:
         save_mesh(folder / f"{outcome.method}.ply", outcome.mesh, force=True)
 
 
-def _before_after(example: Example) -> list[Panel]:
-    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    shown = [(outcome.mesh, _caption(outcome)) for outcome in (example.noisy, *example.denoised)]
-    return [
-        Panel(render(mesh, view=view, size=_PANEL), caption)
-        for mesh, caption in (*shown, (example.clean, "true shape"))
-    ]
-
-
-def _errors(example: Example) -> list[Panel]:
-    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    return [
-        Panel(
-            render(outcome.mesh, view=view, size=_PANEL, values=HeatMap(outcome.angles, "face", _LIMITS)),
-            _caption(outcome),
-        )
-        for outcome in (example.noisy, *example.denoised)
-    ]
-
-
-def _caption(outcome: Outcome) -> str:
-    return f"{outcome.method} {outcome.angles.mean():.1f}°"
+def _row(example: Example, *, errors: bool = False) -> list[Panel]:
+    """Draw the noisy and the denoised meshes: with their errors as colours, or beside the true shape."""
+    view, panels = Camera.looking_at(example.clean, direction=EXAMPLES[example.name]), []
+    for outcome in (example.noisy, *example.denoised):
+        heat = HeatMap(outcome.angles, "face", _LIMITS) if errors else None
+        picture = render(outcome.mesh, view=view, size=_PANEL, values=heat)
+        panels.append(Panel(picture, f"{outcome.method} {outcome.angles.mean():.1f}°"))
+    return panels if errors else [*panels, Panel(render(example.clean, view=view, size=_PANEL), "true shape")]

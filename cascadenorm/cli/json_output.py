@@ -10,12 +10,10 @@ from cascadenorm.inspection.faults import FAULTS, surface_faults
 from cascadenorm.io.json_text import json_text
 
 if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need
-    from cascadenorm.api.opened_files import DenoisingSummary
     from cascadenorm.api.spectra import Spectrum
     from cascadenorm.batch.batch import Batch
     from cascadenorm.evaluation.harness import Evaluation
     from cascadenorm.geometry.metrics import Measures
-    from cascadenorm.inspection import Inspection
     from cascadenorm.mesh import Mesh
     from cascadenorm.registry import Method
 
@@ -28,11 +26,6 @@ def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None 
     print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
 
 
-def denoised_json(done: "DenoisingSummary") -> dict[str, Any]:
-    """Return the summary of a denoised file."""
-    return asdict(done)
-
-
 def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:
     """Return the numbers of intersecting faces and of spikes before and after denoising."""
     first, last = surface_faults(before), surface_faults(after)
@@ -43,11 +36,6 @@ def batch_json(done: "Batch") -> dict[str, Any]:
     """Return the outcome of the files of a batch."""
     failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
     return {"files": done.lines, "kept": done.kept, "skipped": done.skipped, "failures": failures}
-
-
-def inspected_json(found: "Inspection") -> dict[str, Any]:
-    """Return the result of an inspection."""
-    return asdict(found)
 
 
 def compared_json(mesh: str, reference: str, measures: "Measures") -> dict[str, Any]:

@@ -23,8 +23,7 @@ Set = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 ReportFile = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="FILE", help="Also write a report to this HTML file."),
+    Path | None, typer.Option("--report", metavar="FILE", help="Also write a report to this HTML file.")
 ]
 Scheduler = Annotated[
     str | None,
@@ -38,31 +37,10 @@ JsonOption = Annotated[
 
 OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that have a command line option."""
-OTHER_OPTIONS = frozenset(
-    [
-        "count",
-        "crop",
-        "dataset",
-        "distance",
-        "drop_components",
-        "force",
-        "keep",
-        "limits",
-        "log",
-        "manifest",
-        "memory",
-        "noise",
-        "retries",
-        "scheduler",
-        "seeds",
-        "split",
-        "timeout",
-        "values",
-        "watch",
-        "weld",
-        "workers",
-    ]
-)
+OTHER_OPTIONS = {
+    "count", "crop", "dataset", "distance", "drop_components", "force", "keep", "limits", "log", "manifest", "memory",
+    "noise", "retries", "scheduler", "seeds", "split", "timeout", "values", "watch", "weld", "workers",
+}  # fmt: skip
 """Further keyword arguments with an option of the same name; no parameter of a method has such a name."""
 
 Command = Callable[..., None]

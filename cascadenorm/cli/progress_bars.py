@@ -41,10 +41,7 @@ def progress_bar(text: str, *, time_left: bool = False) -> Iterator[Listener]:
 def progress_tasks(*, log: bool = False) -> Iterator[Progress]:
     """Show a bar on the terminal for each running task; several tasks may run at once.
 
-    Parameters
-    ----------
-    log
-        Also print a line for each finished task, even without a terminal.
+    With `log`, also print a line for each finished task, even without a terminal.
     """
     with _bars() as bar:
         started: dict[str, TaskID] = {}

@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # imported for type checking only, because each command would
     from cascadenorm.registry import Method, Setting
 
 BARS = "▁▂▃▄▅▆▇█"
+CHART_WIDTH = 40
 COARSE_RESOLUTION = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
 NAMED = 3
@@ -163,8 +164,7 @@ def _number(value: float | None) -> str:
 
 def print_measures(measures: "Measures") -> None:
     """Print the measures of one mesh."""
-    table = _new_table()
-    table.add_column("measure")
+    table = _new_table("measure")
     table.add_column("value", justify="right")
     for name, value in measures.formatted().items():
         table.add_row(name, value)
@@ -201,8 +201,7 @@ def print_evaluation(done: "Evaluation") -> None:
 
     from cascadenorm.evaluation.tables import PARTIAL_NOTE, TERMINAL_COLUMNS, means_table, method_table, spread_table
 
-    table = _new_table()
-    table.add_column("pair")
+    table = _new_table("pair")
     pairs = list(dict.fromkeys(result.pair for result in done.results))
     blocks = [method_table([one for one in done.results if one.pair == pair], pair, TERMINAL_COLUMNS) for pair in pairs]
     blocks.append(means_table(done, "mean", TERMINAL_COLUMNS)._replace(title="mean"))
@@ -237,18 +236,17 @@ def print_curves(passes: "Sequence[Pass]") -> None:
     print_table(table)
 
 
-def sparkline(values: Sequence[float], width: int = 40) -> str:
-    """Return a text bar chart of at most `width` values, scaled from the smallest to the largest."""
-    shown = [values[i * len(values) // min(width, len(values))] for i in range(min(width, len(values)))]
+def sparkline(values: Sequence[float]) -> str:
+    """Return a text bar chart of at most CHART_WIDTH values, scaled from the smallest to the largest."""
+    width = min(CHART_WIDTH, len(values))
+    shown = [values[i * len(values) // width] for i in range(width)]
     low, high = min(shown), max(shown)
     return "".join(BARS[round((len(BARS) - 1) * (value - low) / (high - low or 1))] for value in shown)
 
 
 def print_methods(methods: "Mapping[str, Method]") -> None:
     """Print each method with its parameters and source."""
-    table = _new_table()
-    for title in ("method", "what it does", "parameters", "source"):
-        table.add_column(title)
+    table = _new_table("method", "what it does", "parameters", "source")
     for method in methods.values():
         names = ", ".join(setting.name for setting in method.given_by_name)
         table.add_row(method.name, method.summary, names, method.source)
@@ -261,13 +259,10 @@ def print_method(method: "Method") -> None:
     for title in ("Formula", "Limits"):
         if text := method.section(title):
             print(f"{title}:\n{indent(text, '  ')}")
-    table = _new_table()
-    for title in ("parameter", "default", "unit", "allowed", "meaning"):
-        table.add_column(title)
+    table = _new_table("parameter", "default", "unit", "allowed", "meaning")
     for setting in method.given_by_name:
-        table.add_row(
-            setting.name, str(setting.default), setting.about.unit, allowed_values(setting), setting.about.help
-        )
+        about = setting.about
+        table.add_row(setting.name, str(setting.default), about.unit, allowed_values(setting), about.help)
     print_table(table)
 
 

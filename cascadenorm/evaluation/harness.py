@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,20 +29,12 @@ DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 
 
 class Evaluation(NamedTuple):
-    """Measurements of all pairs and methods, and the failures.
-
-    Parameters
-    ----------
-    pairs
-        Files of each pair.
-    records
-        Records in which the meshes are kept; None if they are not kept.
-    """
+    """Measurements of all pairs and methods, and the failures."""
 
     results: list[RunResult]
     failures: list[FailedRun]
-    pairs: Sequence[FilePair] = ()
-    records: Records | None = None
+    pairs: Sequence[FilePair] = ()  # files of each pair
+    records: Records | None = None  # records in which the meshes are kept; None if they are not kept
 
     @property
     def methods(self) -> list[str]:
@@ -136,7 +127,6 @@ def evaluate(
         There are no pairs, a folder of results is missing, or several pairs have the same name and results are given.
     """
     checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
-    settings = {"strength": strength, "threads": threads, **(parameters or {})}
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
         find(name).checked(parameters or {})
@@ -148,7 +138,7 @@ def evaluate(
     places = {name: Path(place) for name, place in (results or {}).items()}
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
-    records = Records(Path(keep)) if keep is not None else None
+    settings = {"strength": strength, "threads": threads, **(parameters or {})}
     rows: dict[str, dict[str, Any]] = {
         NOISY: {},
         **{name: {"settings": settings} for name in methods},
@@ -159,16 +149,22 @@ def evaluate(
         unread: list[tuple[FilePair, Exception]] = []
         if noise is not None:
             pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
-        runs = [Run(pair, name, records=records, **row) for pair in pairs for name, row in rows.items()]
-        done = Evaluation([], [FailedRun(pair.name, None, error) for pair, error in unread], pairs, records)
-        files = [file for pair in pairs for file in (pair.noisy, pair.clean)]
-        folder = required_folder(
-            [*files, *places.values(), *([] if keep is None else [keep])],
-            [*settings.values(), *chain(*programs.values())],
-        )
-        with use_cluster(scheduler, workers=workers, folder=folder):
+        failures = [FailedRun(pair.name, None, error) for pair, error in unread]
+        done = Evaluation([], failures, pairs, Records(Path(keep)) if keep is not None else None)
+        runs = [Run(pair, name, records=done.records, **row) for pair in pairs for name, row in rows.items()]
+        with use_cluster(scheduler, workers=workers, folder=_required_folder(runs)):
             _collect_results(runs, done, workers, progress)
     return done
+
+
+def _required_folder(runs: Sequence[Run]) -> str | None:
+    """Return the folder in which workers must run because file names are relative; None if all are absolute."""
+    places: set[Path | None] = set()
+    values: list[object] = []
+    for task in runs:
+        places |= {task.pair.noisy, task.pair.clean, task.results, task.records and task.records.folder}
+        values += [*(task.settings or {}).values(), *task.command]
+    return required_folder(filter(None, places), values)
 
 
 def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[FilePair]:
@@ -234,7 +230,9 @@ def _check_results(places: Mapping[str, Path], pairs: Sequence[FilePair]) -> Non
 
 
 def _mean(method: str, results: Sequence[RunResult]) -> RunResult:
-    means = {field.name: _average([getattr(result.measures, field.name) for result in results]) for field in MEASURES}
+    means = {
+        field.name: _average([getattr(result.measures, field.name) for result in results]) for field in fields(Measures)
+    }
     return RunResult(
         pair="mean",
         method=method,
@@ -243,9 +241,6 @@ def _mean(method: str, results: Sequence[RunResult]) -> RunResult:
         memory_mb=_average([result.memory_mb for result in results]),
         same_faces=all(result.same_faces for result in results),
     )
-
-
-MEASURES = fields(Measures)
 
 
 def _average(values: Sequence[float | None]) -> float | None:

@@ -14,20 +14,11 @@ from cascadenorm.io.pairs import FilePair
 def with_noise(
     pairs: Sequence[FilePair], folder: Path, *, level: float, seeds: int
 ) -> tuple[list[FilePair], list[tuple[FilePair, Exception]]]:
-    """Write noisy versions of each clean mesh, with Gaussian noise along the normals.
+    """Write noisy versions of each clean mesh to a folder, with Gaussian noise along the normals.
 
-    Parameters
-    ----------
-    folder
-        Folder for the noisy meshes; created if missing.
-    level
-        Standard deviation of the noise, in mean edge lengths of the clean mesh.
-    seeds
-        Number of noisy meshes per clean mesh, with seeds 0, 1, …; the same seed always gives the same file.
-
-    Returns
-    -------
-    The new pairs, and the pairs with an unreadable clean mesh, each with its error
+    The level is the standard deviation of the noise, in mean edge lengths of the clean mesh. There are noisy meshes for
+    the seeds 0, 1, …; the same seed always gives the same file. Returns the new pairs, and the pairs with an unreadable
+    clean mesh, each with its error.
     """
     made: list[FilePair] = []
     unread: list[tuple[FilePair, Exception]] = []

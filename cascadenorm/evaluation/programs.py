@@ -49,10 +49,7 @@ class ProgramResult(NamedTuple):
 def checked_command(name: str, command: str) -> list[str]:
     """Split a command into words and check it.
 
-    Raises
-    ------
-    ParameterError
-        The command lacks {in} or {out}, or the program does not exist.
+    Raises ParameterError if it lacks {in} or {out}, or if the program does not exist.
     """
     try:
         words = command_words(command, windows=os.name == "nt")
@@ -76,24 +73,11 @@ def command_words(command: str, *, windows: bool) -> list[str]:
 
 
 def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S) -> ProgramResult:
-    """Run a command on a mesh file.
+    """Run the words of a command on a mesh file; the timeout, in seconds, stops the program and its child processes.
 
-    Parameters
-    ----------
-    words
-        Words of the command. {in} is the given file, and {out} a file of the same format; {in.obj} and {out.obj} are
-        OBJ files.
-    noisy
-        Input file.
-    timeout
-        Seconds after which the program and its child processes are stopped.
-
-    Raises
-    ------
-    DenoiseError
-        The program failed, exceeded the timeout, or wrote no file.
-    ReadError, MeshError
-        The output of the program is not a valid mesh.
+    {in} is the given file, and {out} a file of the same format; {in.obj} and {out.obj} are OBJ files. Raises
+    DenoiseError if the program fails, exceeds the timeout, or writes no file, and ReadError or MeshError if its output
+    is not a valid mesh.
     """
     with TemporaryDirectory() as folder:
         files: dict[str, Path] = {}

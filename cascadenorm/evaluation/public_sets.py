@@ -15,44 +15,24 @@ SPLITS: tuple[Split, ...] = ("train", "test")
 
 
 class KnownPair(NamedTuple):
-    """A pair of a set with known files.
+    """A pair of a set with known files."""
 
-    Parameters
-    ----------
-    noisy, clean
-        Paths relative to the copy.
-    digests
-        `geometry_digest` of the two meshes; empty if unknown.
-    """
-
+    # noisy, clean: paths relative to the copy
     noisy: str
     clean: str
-    digests: tuple[str, ...] = ()
+    digests: tuple[str, ...] = ()  # `geometry_digest` of the two meshes; empty if unknown
 
 
 @dataclass(frozen=True, kw_only=True)
 class PublicSet:
-    """A third-party set of pairs.
+    """A third-party set of pairs."""
 
-    Parameters
-    ----------
-    about
-        Short description.
-    source
-        Paper and its DOI.
-    place
-        Where to download it.
-    listed
-        Pairs by name, all of which are for testing.
-    folder
-        For a set of many files, the folder that contains `train` and `test`, with `original/NAME.obj` and
-        `noisy/NAME_n….obj` in each.
-    """
-
-    about: str
-    source: str
-    place: str
-    listed: dict[str, KnownPair] = field(default_factory=dict)
+    about: str  # short description
+    source: str  # paper and its DOI
+    place: str  # where to download it
+    listed: dict[str, KnownPair] = field(default_factory=dict)  # pairs by name, all of which are for testing
+    # for a set of many files, the folder that contains `train` and `test`, with `original/NAME.obj` and
+    # `noisy/NAME_n….obj` in each
     folder: str = ""
 
 
@@ -122,21 +102,9 @@ def public_set(name: str) -> PublicSet:
 def public_pairs(name: str, copy: str | PathLike[str], *, split: Split = "test") -> list[FilePair]:
     """Return the pairs of a public set in a local copy, by name and split as in its paper.
 
-    Parameters
-    ----------
-    name
-        One of PUBLIC_SETS.
-    copy
-        Folder that contains the clone or the unpacked archive.
-    split
-        "test" or "train"; a set that lists its pairs only has "test".
-
-    Raises
-    ------
-    ParameterError
-        The set or its split does not exist.
-    ReadError
-        Files are missing or differ from the published meshes.
+    The name is one of PUBLIC_SETS, and the copy a folder that contains the clone or the unpacked archive. A set that
+    lists its pairs has only the split "test". Raises ParameterError if the set or its split does not exist, and
+    ReadError if files are missing or differ from the published meshes.
     """
     wanted, root = public_set(name), Path(copy)
     if split not in SPLITS:

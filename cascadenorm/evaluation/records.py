@@ -26,12 +26,7 @@ class Records(NamedTuple):
         return self.folder / pair.replace("/", "_").replace("\\", "_") / f"{name}.ply"
 
     def key(
-        self,
-        pair: FilePair,
-        name: str,
-        settings: Mapping[str, Any] | None,
-        command: Sequence[str],
-        file: Path | None,
+        self, pair: FilePair, name: str, settings: Mapping[str, Any] | None, command: Sequence[str], file: Path | None
     ) -> str:
         """Return a digest of everything a result depends on, except the program that a command runs.
 

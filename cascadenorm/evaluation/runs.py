@@ -26,23 +26,15 @@ NOISY = "noisy"
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """Result of a method or another program on a pair.
-
-    Parameters
-    ----------
-    seconds
-        Run time of the method, excluding compilation; 0 for the noisy mesh itself and for results of other programs.
-    memory_mb
-        Peak memory in megabytes; None if unknown.
-    same_faces
-        Whether the faces equal those of the clean mesh; otherwise, each face is compared with the nearest clean face.
-    """
+    """Result of a method or another program on a pair."""
 
     pair: str
     method: str
     measures: Measures
+    # run time of the method, excluding compilation; 0 for the noisy mesh itself and for results of other programs
     seconds: float
-    memory_mb: float | None
+    memory_mb: float | None  # peak memory in megabytes; None if unknown
+    # whether the faces equal those of the clean mesh; otherwise, each face is compared with the nearest clean one
     same_faces: bool
 
     def row(self) -> dict[str, Any]:
@@ -64,31 +56,15 @@ class FailedRun(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Description of a run: a method, a program, or given results.
-
-    Parameters
-    ----------
-    pair, name
-        Files of the pair, and name of the row.
-    settings
-        Settings of a method; None for other runs.
-    command
-        Words of a program's command; empty for other runs.
-    timeout
-        Seconds after which the program is stopped.
-    results
-        Folder of meshes that another program made; None for other runs.
-    records
-        Records in which the mesh and its measures are kept; None if they are not kept.
-    """
+    """Description of a run: a method, a program, or given results."""
 
     pair: FilePair
-    name: str
-    settings: Mapping[str, Any] | None = None
-    command: Sequence[str] = ()
-    timeout: float = TIMEOUT_S
-    results: Path | None = None
-    records: Records | None = None
+    name: str  # of the row
+    settings: Mapping[str, Any] | None = None  # of a method; None for other runs
+    command: Sequence[str] = ()  # words of a program's command; empty for other runs
+    timeout: float = TIMEOUT_S  # seconds after which the program is stopped
+    results: Path | None = None  # folder of meshes that another program made; None for other runs
+    records: Records | None = None  # where the mesh and its measures are kept; None if they are not kept
 
 
 def run(task: Run) -> RunResult | FailedRun:

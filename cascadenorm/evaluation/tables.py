@@ -11,28 +11,14 @@ from cascadenorm.evaluation.runs import COLUMNS, NOISY, RunResult
 
 
 class Column(NamedTuple):
-    """A quantity to show for each result.
-
-    Parameters
-    ----------
-    title, unit
-        Heading and unit.
-    digits
-        Digits after the decimal point.
-    value
-        Function from a result to its value, or to None if it has none.
-    deviation
-        Function from a value to its distance from the ideal value.
-    missing
-        Text for results without a value.
-    """
+    """A quantity to show for each result."""
 
     title: str
     unit: str
-    digits: int
-    value: Callable[[RunResult], float | None]
-    deviation: Callable[[float], float] = abs
-    missing: str = "–"
+    digits: int  # after the decimal point
+    value: Callable[[RunResult], float | None]  # function from a result to its value, or to None if it has none
+    deviation: Callable[[float], float] = abs  # from a value to its distance from the ideal value
+    missing: str = "–"  # text for results without a value
 
 
 TABLE_COLUMNS = (
@@ -75,8 +61,9 @@ class Table(NamedTuple):
     rows: list[tuple[Cell, ...]]
 
 
-def pair_table(done: Evaluation, column: Column = TABLE_COLUMNS[0]) -> Table:
-    """Return a table of one quantity and its mean, with one row per pair and one column per method."""
+def pair_table(done: Evaluation) -> Table:
+    """Return a table of normal errors and their mean, with one row per pair and one column per method."""
+    column = TABLE_COLUMNS[0]
     known = {(one.pair, one.method): one for one in [*done.results, *done.means]}
     names = [pair.name for pair in done.pairs] or list(dict.fromkeys(one.pair for one in done.results))
     rows = []
@@ -85,8 +72,7 @@ def pair_table(done: Evaluation, column: Column = TABLE_COLUMNS[0]) -> Table:
         incomplete = done.partial if pair == "mean" else set()
         cells = zip(done.methods, _cells(column, of_pair, incomplete), strict=True)
         rows.append((Cell(pair), *(_marked(cell, incomplete=method in incomplete) for method, cell in cells)))
-    about = f"{column.title}, {column.unit}" if column.unit else column.title
-    return Table(f"{about}{PARTIAL_NOTE if done.partial else ''}", ("pair", *done.methods), rows)
+    return Table(f"{column.title}, {column.unit}{PARTIAL_NOTE if done.partial else ''}", ("pair", *done.methods), rows)
 
 
 def method_table(
@@ -138,33 +124,22 @@ def spread_table(done: Evaluation) -> Table:
 
 def _cells(column: Column, results: Sequence[RunResult | None], incomplete: Set[str] = frozenset()) -> list[Cell]:
     """Format the values and mark the best as displayed, unless fewer than two methods are comparable."""
-    incomplete = {NOISY, *incomplete}
     values = [None if one is None else column.value(one) for one in results]
     texts = [
         "–" if one is None else column.missing if value is None else f"{value:.{column.digits}f}"
         for one, value in zip(results, values, strict=True)
     ]
-    judged = [
-        round(column.deviation(value), column.digits)
-        for one, value in zip(results, values, strict=True)
-        if one is not None and one.method not in incomplete and value is not None
-    ]
-    least = min(judged) if len(judged) > 1 else None
-    return [
-        Cell(
-            text,
-            value is not None and one is not None and one.method not in incomplete and _is_best(column, value, least),
-        )
-        for text, value, one in zip(texts, values, results, strict=True)
-    ]
+    judged = {
+        number: round(column.deviation(value), column.digits)
+        for number, (one, value) in enumerate(zip(results, values, strict=True))
+        if one is not None and one.method not in {NOISY, *incomplete} and value is not None
+    }
+    least = min(judged.values()) if len(judged) > 1 else None
+    return [Cell(text, number in judged and judged[number] == least) for number, text in enumerate(texts)]
 
 
 def _marked(cell: Cell, *, incomplete: bool) -> Cell:
     return cell._replace(text=f"{cell.text} *") if incomplete else cell
-
-
-def _is_best(column: Column, value: float, least: float | None) -> bool:
-    return least is not None and round(column.deviation(value), column.digits) == least
 
 
 def csv_text(done: Evaluation) -> str:

@@ -41,19 +41,9 @@ LARGE_TASK_CONFIG = {"distributed.admin.large-graph-warning-threshold": "100 GB"
 def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> Iterator["Client"]:
     """Connect to a scheduler within the context; log messages of Dask are suppressed, and errors describe the problem.
 
-    Parameters
-    ----------
-    scheduler
-        Address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine.
-    workers, threads, memory
-        For a cluster on this machine: number of processes, threads per process and bytes per process.
-
-    Raises
-    ------
-    MissingDependencyError
-        Distributed is not installed.
-    ParameterError
-        No scheduler answers at the address.
+    The scheduler is an address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine, with a number
+    of worker processes, and threads and bytes of memory per process. Raises MissingDependencyError if distributed is
+    not installed, and ParameterError if no scheduler answers at the address.
     """
     try:
         import dask
@@ -93,12 +83,7 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
 def required_folder(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
     """Return the current folder if workers must run in it, or None if all file names are absolute.
 
-    Parameters
-    ----------
-    places
-        Files, folders or patterns.
-    values
-        Arbitrary values; those that name existing files count.
+    The places are files, folders or patterns; among the values, those that name existing files count.
     """
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
     absolute = all(os.path.isabs(name) for name in [*places, *files])
@@ -113,6 +98,15 @@ def lost_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerEr
 def no_workers(scheduler: str, seconds: float) -> WorkerError:
     """Return the error for a cluster that has had no worker for this many seconds."""
     return WorkerError(f"the cluster at {scheduler} has had no worker for {seconds:.0f} seconds")
+
+
+def mismatch(version: str, wanted_version: str, folder: str, wanted_folder: str | None) -> str | None:
+    """Return why a worker with this version and current folder cannot be used; None if it can."""
+    if version != wanted_version:
+        return f"has cascadenorm {version}, and here is {wanted_version}"
+    if wanted_folder not in (None, folder):
+        return f"runs in {folder}, where relative names mean others: give absolute ones"
+    return None
 
 
 def dask_message(error: Exception) -> str:

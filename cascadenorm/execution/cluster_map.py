@@ -25,6 +25,7 @@ from cascadenorm.execution.cluster import (
     dask_client,
     dask_message,
     lost_scheduler,
+    mismatch,
     no_workers,
 )
 from cascadenorm.execution.memory import USABLE_FRACTION, available_memory
@@ -58,24 +59,12 @@ class _Raised(NamedTuple):
 def on_cluster(scheduler: str, *, workers: int, folder: str | None) -> Iterator[Map]:
     """Connect to a cluster within the context and process items on its workers, even if some of them die.
 
-    Dask reassigns the items of a lost worker, including those with lost results. Each process works on one item at a
-    time with one thread.
-
-    Parameters
-    ----------
-    scheduler
-        Address, or "local" for a cluster on this machine.
-    workers
-        Number of processes of a cluster on this machine.
-    folder
-        Folder in which workers must run because file names are relative. None accepts any folder.
-
-    Raises
-    ------
-    MissingDependencyError, ParameterError
-        As in `dask_client`; also if `workers` is above 1 for a cluster given by its address.
-    WorkerError
-        An item has killed several workers, the scheduler or all workers are lost, or a worker cannot be used.
+    The scheduler is an address, or "local" for a cluster on this machine with a number of worker processes. They must
+    run in `folder` because file names are relative; None accepts any folder. Dask reassigns the items of a lost worker,
+    including those with lost results. Each process works on one item at a time with one thread. Raises what
+    `dask_client` raises, ParameterError also if `workers` is above 1 for a cluster given by its address, and
+    WorkerError if an item has killed several workers, the scheduler or all workers are lost, or a worker cannot be
+    used.
     """
     if scheduler != LOCAL_CLUSTER and workers > 1:
         raise ParameterError(
@@ -123,11 +112,9 @@ def _process(here: _Requirements, work: Callable[[Item], Result], item: Item) ->
     """Process one item in a worker."""
     from distributed import get_worker
 
-    name, folder = get_worker().address, os.getcwd()
-    if here.version != __version__:
-        raise WorkerError(f"the worker {name} has cascadenorm {__version__}, and here is {here.version}")
-    if here.folder not in (None, folder):
-        raise WorkerError(f"the worker {name} runs in {folder}, where relative names mean others: give absolute ones")
+    reason = mismatch(__version__, here.version, os.getcwd(), here.folder)
+    if reason is not None:
+        raise WorkerError(f"the worker {get_worker().address} {reason}")
     with _one_at_a_time, limit_threads(1), threadpool_limits(1):
         try:
             return work(item)

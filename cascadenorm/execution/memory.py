@@ -85,10 +85,7 @@ def _group_limits() -> Iterator[int]:
 def parse_bytes(name: str, text: str | int) -> int:
     """Return the number of bytes for text like "4GB", "500 MB" or "2GiB"; numbers are bytes.
 
-    Raises
-    ------
-    ParameterError
-        The size is invalid, has no unit, or is not positive; the message refers to it by `name`.
+    Raises ParameterError, with this name, if the size is invalid, has no unit, or is not positive.
     """
     given = f"{text}B" if isinstance(text, int | float) else str(text)
     match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)

@@ -34,12 +34,7 @@ def parallel_map(count: int) -> Iterator[Map]:
     """Provide a `map` that uses a pool of processes; a count of 1 starts no process and does not limit threads.
 
     Processes suit Python code between short kernels, where threads would wait for each other. Within `use_map`, another
-    map is used instead.
-
-    Raises
-    ------
-    WorkerError
-        A process ended before its work was done.
+    map is used instead. Raises WorkerError if a process ended before its work was done.
     """
     if (other := _other.get()) is not None:
         yield other

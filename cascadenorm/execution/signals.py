@@ -10,15 +10,7 @@ RETRY_S = 0.05
 
 
 def repeat_if_swallowed(number: int, exception: type[BaseException]) -> None:
-    """Repeat a signal if the exception that its handler raises arrives where Python cannot raise it.
-
-    Parameters
-    ----------
-    number
-        Signal, whose handler is already installed.
-    exception
-        Class of the exception that the handler raises.
-    """
+    """Repeat a signal if the exception that its installed handler raises arrives where Python cannot raise it."""
     handler = signal.getsignal(number)
 
     def repeat() -> None:

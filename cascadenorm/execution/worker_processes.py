@@ -25,12 +25,8 @@ Received = TypeVar("Received")
 class Worker(Generic[Sent, Received]):
     """A process that answers messages.
 
-    It ignores Ctrl-C, which the parent handles, and ends when the parent exits.
-
-    Parameters
-    ----------
-    serve
-        Picklable function that runs in the process with its end of the connection; the process ends when it returns.
+    It runs `serve`, a picklable function, with its end of the connection until this returns. It ignores Ctrl-C, which
+    the parent handles, and ends when the parent exits.
     """
 
     def __init__(self, serve: Callable[[Connection], object]) -> None:
@@ -51,10 +47,7 @@ class Worker(Generic[Sent, Received]):
     def receive(self) -> Received:
         """Wait for the next answer.
 
-        Raises
-        ------
-        WorkerError
-            The process has ended, or its answer cannot be unpickled.
+        Raises WorkerError if the process has ended, or if its answer cannot be unpickled.
         """
         try:
             found: Received = self.link.recv()

@@ -6,7 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm.geometry.vertex_clusters import vertex_areas, vertex_clusters
-from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import (
+    Bools,
+    Csr,
+    Floats,
+    Ints32,
+    Mesh,
+    Topology,
+    Vectors,
+    kernel,
+    parallel_for,
+    scatter_add,
+    without_repeated_faces,
+)
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, dot, row, scaled, subtract
 
@@ -19,21 +31,11 @@ EVEN = 3
 
 
 class Feet(NamedTuple):
-    """The nearest points of a coarse copy to n vertices.
+    """The nearest points of a coarse copy to n vertices."""
 
-    Parameters
-    ----------
-    faces
-        (n,) face of the copy with the nearest point; -1 if there is no face nearby.
-    weights
-        (n, 3) barycentric coordinates of the nearest point.
-    outside
-        (n,) whether the nearest point lies on the boundary of the copy.
-    """
-
-    faces: Ints32
-    weights: Floats
-    outside: Bools
+    faces: Ints32  # (n,) face of the copy with the nearest point; -1 if there is no face nearby
+    weights: Floats  # (n, 3) barycentric coordinates of the nearest point
+    outside: Bools  # (n,) whether the nearest point lies on the boundary of the copy
 
     def places(self, copy: Mesh) -> Vectors:
         """Return the (n, 3) positions of these points on the copy, or on a deformed version of it."""
@@ -41,18 +43,10 @@ class Feet(NamedTuple):
 
 
 class CoarseCopy(NamedTuple):
-    """A coarse copy of a mesh with n vertices.
-
-    Parameters
-    ----------
-    mesh
-        The copy.
-    labels
-        (n,) vertex of the copy for the cluster of each vertex; -1 for a vertex without a face.
-    """
+    """A coarse copy of a mesh with n vertices."""
 
     mesh: Mesh
-    labels: Ints32
+    labels: Ints32  # (n,) vertex of the copy for the cluster of each vertex; -1 for a vertex without a face
 
     def feet(self, points: Vectors) -> Feet:
         """Find the nearest point on the copy to each vertex, (n, 3).
@@ -62,30 +56,17 @@ class CoarseCopy(NamedTuple):
         """
         topology = self.mesh.topology
         single = topology.edge_faces.counts[topology.face_edges] == 1
-        faces, weights, outside = (
-            np.empty(len(points), np.int32),
-            np.empty((len(points), 3)),
-            np.empty(len(points), bool),
-        )
+        faces, outside = np.empty(len(points), np.int32), np.empty(len(points), bool)
+        weights = np.empty((len(points), 3))
         arrays = self.mesh.vertices, self.mesh.faces, topology.vertex_faces, topology.vertex_neighbors, single
         parallel_for(len(points), _feet_range, points, self.labels, *arrays, faces, weights, outside)
         return Feet(faces, weights, outside)
 
     def carried_over(self, points: Vectors, vertices: Vectors) -> Vectors:
-        """Project vertices onto the copy and return the same points on its deformed version.
+        """Project vertices, (n, 3), onto the copy and return the same points on its deformed version.
 
-        A vertex beyond the boundary of the copy keeps its tangential distance from it.
-
-        Parameters
-        ----------
-        points
-            (n, 3) vertices of the mesh.
-        vertices
-            New vertices of the copy.
-
-        Returns
-        -------
-        (n, 3) positions; vertices without a face of the copy nearby stay in place.
+        A vertex beyond the boundary of the copy keeps its tangential distance from it. Vertices without a face of the
+        copy nearby stay in place.
         """
         feet, after = self.feet(points), self.mesh.moved(vertices)
         beyond = points - feet.places(self.mesh)
@@ -96,26 +77,15 @@ class CoarseCopy(NamedTuple):
 
 
 def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
-    """Return a coarse copy with edges of about a given length.
+    """Return a coarse copy with edges of about a given length in mesh units, or None if no three clusters meet.
 
-    The copy has a vertex for each cluster of vertices and a face where three clusters meet. Its vertices are the
-    centroids of the clusters (at a boundary, of their boundary vertices), moved along the normals to the mean position
-    of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters if it has enough vertices.
-    Clusters are made smaller where the copy would have a hole, a fold or a non-manifold edge that the surface does not
-    have.
-
-    Parameters
-    ----------
-    mesh
-        Any mesh with n vertices; duplicate faces count once.
-    length
-        Edge length in mesh units, above 0.
-
-    Returns
-    -------
-    The copy, or None if no three clusters meet.
+    The copy has a vertex for each cluster of vertices and a face where three clusters meet; duplicate faces count once.
+    Its vertices are the centroids of the clusters (at a boundary, of their boundary vertices), moved along the normals
+    to the mean position of the surface around them. Each connected component has at least LEAST_CLUSTERS clusters if it
+    has enough vertices. Clusters are made smaller where the copy would have a hole, a fold or a non-manifold edge that
+    the surface does not have.
     """
-    spacing, faces = _spacing(mesh, length), _distinct(mesh.faces)
+    spacing, faces = _spacing(mesh, length), without_repeated_faces(mesh).faces
     for halving in range(EDGE_HALVINGS + 1):
         labels = vertex_clusters(mesh, spacing)
         triangles, twice = _triangles(labels[faces])
@@ -136,23 +106,11 @@ def _spacing(mesh: Mesh, length: float) -> Floats:
     return np.maximum(np.minimum(length, smallest), np.finfo(float).tiny)[components]
 
 
-def _distinct(faces: Ints32) -> Ints32:
-    """Remove duplicate faces, keeping the first face on each set of three vertices, in order."""
-    rows = np.sort(faces, axis=1)
-    order = np.lexsort(rows.T)
-    new = np.ones(len(rows), bool)
-    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
-    return faces if new.all() else faces[np.sort(order[new])]
-
-
 def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
     """Return the faces of the copy, (t, 3), and whether the surface has each of them in both orientations, (t,).
 
-    Parameters
-    ----------
-    corners
-        (m, 3) clusters at the corners of the faces of the mesh. The majority of the faces between three clusters
-        determines the orientation of the face of the copy.
+    The corners, (m, 3), are the clusters of the faces of the mesh. The majority of the faces between three clusters
+    determines the orientation of the face of the copy.
     """
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
@@ -171,10 +129,8 @@ def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
     torn = np.ones(count, bool)
     torn[triangles] = False  # clusters without a face remain marked
     torn[triangles[twice]] = True
-    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    ends, faces = np.unique(sides, axis=0, return_counts=True)
-    torn[ends[faces > 2]] = True
-    topology = mesh.topology
+    copy, topology = Topology(triangles, count), mesh.topology
+    torn[copy.edges[copy.edge_faces.counts > 2]] = True
     torn[labels[topology.edges[topology.edge_faces.counts > 2]]] = False
     return torn & (np.bincount(labels[labels >= 0], minlength=count) > 1)
 
@@ -247,14 +203,8 @@ def foot(p: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, floa
 
     A coordinate is exactly 0 if the nearest point lies on the opposite side, including its ends.
     """
-    ab, ac, bc, ap, bp, cp = (
-        subtract(b, a),
-        subtract(c, a),
-        subtract(c, b),
-        subtract(p, a),
-        subtract(p, b),
-        subtract(p, c),
-    )
+    ab, ac, bc = subtract(b, a), subtract(c, a), subtract(c, b)
+    ap, bp, cp = subtract(p, a), subtract(p, b), subtract(p, c)
     ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
     # the three corners
     if ab_a <= 0 and ac_a <= 0:

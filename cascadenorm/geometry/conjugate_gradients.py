@@ -18,14 +18,11 @@ LEAST_BLOCKS = 8
 
 
 def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, bound: float, most: int) -> bool:
-    """Improve x, (n, 3), in place until the sum of squared residuals is at most `bound`, in at most `most` iterations.
+    """Improve x, (n, 3), in place until the sum of squared residuals is at most `bound`; return whether this succeeded.
 
-    The preconditioner is the diagonal, which the pattern must include. The three columns share their step sizes, so the
-    result is equivariant under rotation. At least one iteration is made, so that sequences with small steps converge.
-
-    Returns
-    -------
-    Whether the bound was reached.
+    At least one iteration is made, so that sequences with small steps converge, and at most `most`. The preconditioner
+    is the diagonal, which the pattern must include. The three columns share their step sizes, so the result is
+    equivariant under rotation.
     """
     inverse, residual, image = np.empty(len(x)), np.empty_like(x), np.empty_like(x)
     direction, sums = np.zeros_like(x), np.empty((-(-len(x) // SUM_BLOCK), 2))

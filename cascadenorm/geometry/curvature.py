@@ -10,15 +10,13 @@ from cascadenorm.mesh import Mesh
 def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
     """Return the mean curvature H at each vertex from Δx = -2Hn over mixed Voronoi areas (Meyer et al. 2003).
 
-    Returns
-    -------
-    (n,) in 1 / mesh unit: 1/r on an outward-oriented sphere of radius r. NaN on the boundary, where the formula does
-    not hold, and at vertices without area.
+    The (n,) values are in 1 / mesh unit: 1/r on an outward-oriented sphere of radius r. They are NaN on the boundary,
+    where the formula does not hold, and at vertices without area.
     """
     total = np.einsum("ij,ij->i", cotangent_laplacian(mesh).stiffness @ mesh.vertices, mesh.vertex_normals)
     areas = mixed_areas(mesh)
     curvature = np.divide(0.5 * total, areas, out=np.full(len(areas), np.nan), where=areas > 0)
-    curvature[mesh.topology.edges[mesh.topology.edge_faces.counts == 1]] = np.nan
+    curvature[mesh.topology.boundary_vertices] = np.nan
     return np.where(np.isfinite(curvature), curvature, np.nan)
 
 

@@ -16,29 +16,12 @@ from cascadenorm.mesh import Mesh, Vectors, first_places
 def fair(
     mesh: Mesh, region: VertexMask, *, order: Order = 2, weights: Weights = "cotan", iterations: int = 2
 ) -> Vectors:
-    """Replace the vertices of a region by the solution of Δ^order x = 0 with the surrounding vertices fixed.
+    """Replace the vertices of a region, (n,), by the solution of Δ^order x = 0 with the surrounding vertices fixed.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices. The surface is free where the region reaches a boundary of the mesh.
-    region
-        (n,) bool, the vertices to replace.
-    order
-        1 continues the position of the surrounding surface, 2 also its tangents, 3 also its curvature.
-    weights
-        Weights of the Laplacian.
-    iterations
-        Number of solves; each uses the Laplacian of the previous solution.
-
-    Returns
-    -------
-    (n, 3) vertices.
-
-    Raises
-    ------
-    ParameterError
-        The region contains a whole connected component, so the solution is not unique.
+    Order 1 continues the position of the surrounding surface, 2 also its tangents, 3 also its curvature. The surface is
+    free where the region reaches a boundary of the mesh. Each iteration solves with the Laplacian of the previous
+    solution, with these weights. Returns (n, 3) vertices. Raises ParameterError if the region contains a whole
+    connected component, so that the solution is not unique.
     """
     free = region & (mesh.topology.vertex_faces.counts > 0)
     _refuse_what_nothing_holds(mesh, free)
@@ -56,20 +39,8 @@ def fair(
 def blend(mesh: Mesh, seam: VertexMask, *, width: int = 3, order: Order = 2, iterations: int = 2) -> Vectors:
     """Blend two parts: replace the vertices within `width` rings of their seam by a fair surface.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    seam
-        (n,) bool, the vertices where the parts meet.
-    width
-        Number of rings of vertices on either side of the seam that are also replaced.
-    order, iterations
-        As in `fair`.
-
-    Returns
-    -------
-    (n, 3) vertices.
+    The seam, (n,), consists of the vertices where the parts meet, and the rings lie on either side of it. Order and
+    iterations are as in `fair`. Returns (n, 3) vertices.
     """
     return fair(mesh, grown(mesh, seam, rings=width), order=order, iterations=iterations)
 

@@ -16,27 +16,13 @@ USUAL = 0.98
 
 
 class Quantity(NamedTuple):
-    """A quantity that can be displayed as a heat map.
+    """A quantity that can be displayed as a heat map."""
 
-    Parameters
-    ----------
-    label
-        Name for display.
-    unit
-        Unit of the values.
-    at
-        Whether the values belong to faces or to vertices.
-    signed
-        Whether the colour range is centred at 0.
-    against
-        Other mesh that the quantity needs.
-    """
-
-    label: str
+    label: str  # name for display
     unit: str
     at: Literal["face", "vertex"]
-    signed: bool = False
-    against: Literal["input", "truth"] | None = None
+    signed: bool = False  # whether the colour range is centred at 0
+    against: Literal["input", "truth"] | None = None  # other mesh that it needs
 
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -52,21 +38,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 
 class Field(NamedTuple):
-    """The values of a quantity on one or more meshes.
+    """The values of a quantity on one or more meshes."""
 
-    Parameters
-    ----------
-    name
-        Key in QUANTITIES, or the name of `own`.
-    values
-        (m,) or (n,) values by the name of the mesh; NaN where undefined.
-    own
-        Custom quantity that is not in QUANTITIES.
-    """
-
-    name: str
-    values: Mapping[str, Floats]
-    own: Quantity | None = None
+    name: str  # key in QUANTITIES, or the name of `own`
+    values: Mapping[str, Floats]  # (m,) or (n,) values by the name of the mesh; NaN where undefined
+    own: Quantity | None = None  # a quantity that is not in QUANTITIES
 
     @property
     def quantity(self) -> Quantity:
@@ -85,16 +61,10 @@ class Field(NamedTuple):
 def fields(
     meshes: Mapping[str, Mesh], unit: float, *, known: Mapping[str, Mapping[str, Floats]] = MappingProxyType({})
 ) -> list[Field]:
-    """Return the quantities that can be computed from the meshes of a report.
+    """Return the quantities that can be computed from the meshes of a report: "before", "after", "truth" or "mesh".
 
-    Parameters
-    ----------
-    meshes
-        Meshes by name: "before", "after", "truth" or "mesh", with a common scale of about unit size.
-    unit
-        Unit length of these meshes in the unit of the files.
-    known
-        Noise and curvature computed earlier, by the names of the quantity and the mesh.
+    They have a common scale of about unit size, whose unit length is `unit` in that of the files. Noise and curvature
+    may be known already, by the names of the quantity and the mesh.
     """
     noise, curvature = known.get("noise", {}), known.get("curvature", {})
     judged = {key: mesh for key, mesh in meshes.items() if key != "truth"}
@@ -113,23 +83,10 @@ def fields(
 
 
 def field(name: str, meshes: Mapping[str, Mesh], other: Mesh, unit: float) -> Field:
-    """Compute a quantity on one or more meshes.
+    """Compute a quantity, a key in QUANTITIES, on one or more meshes by name; `other` is the input or the ground truth.
 
-    Parameters
-    ----------
-    name
-        Key in QUANTITIES.
-    meshes
-        Meshes by name, with a common scale of about unit size.
-    other
-        Input mesh or ground truth, with the same scale.
-    unit
-        Unit length of these meshes in the unit of the files.
-
-    Raises
-    ------
-    MeshError
-        The quantity compares with the input, and the faces differ from those of the input.
+    All have a common scale of about unit size, whose unit length is `unit` in that of the files. Raises MeshError if
+    the quantity compares with the input, and the faces differ from those of the input.
     """
     return Field(name, {key: _values(name, key, mesh, other, unit) for key, mesh in meshes.items()})
 

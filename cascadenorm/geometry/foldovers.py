@@ -18,35 +18,17 @@ LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
 def without_flips(
-    mesh: Mesh,
-    vertices: Vectors,
-    *,
-    may_flip: NDArray[np.bool_] | None = None,
-    smooth: NDArray[np.bool_] | None = None,
+    mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None, smooth: NDArray[np.bool_] | None = None
 ) -> Vectors:
-    """Reduce displacements that would flip faces, or fold edges of surfaces without independent vertex noise.
+    """Reduce displacements to (n, 3) positions that would flip faces, or fold edges without independent vertex noise.
 
     If the normal of a face would turn by 90° or more, the displacements of its three vertices are halved repeatedly,
-    and finally set to zero. Only foldovers of the input, including possible ones in strong noise, may flip (see
-    `foldovers`), and only if the face then agrees better with the adjacent faces. If the angle between the normals of
-    two adjacent `smooth` faces would exceed 105°, and does not in the input, the displacements of their four vertices
-    are reduced in the same way. The limit lies between right-angled edges and thin blades.
-
-    Parameters
-    ----------
-    mesh
-        Input mesh with n vertices.
-    vertices
-        (n, 3) target positions.
-    may_flip
-        (m,) faces that may flip. None selects the foldovers of the mesh.
-    smooth
-        (m,) faces without noise that is independent at each vertex; such noise would hide blades in the input. None
-        selects no face.
-
-    Returns
-    -------
-    (n, 3) positions.
+    and finally set to zero. Only faces that `may_flip`, (m,), by default the foldovers of the input including possible
+    ones in strong noise (see `foldovers`), may flip, and only if the face then agrees better with the adjacent faces.
+    If the angle between the normals of two adjacent `smooth` faces would exceed 105°, and does not in the input, the
+    displacements of their four vertices are reduced in the same way. The limit lies between right-angled edges and thin
+    blades. The `smooth` faces, (m,), by default none, are those without noise that is independent at each vertex; such
+    noise would hide blades in the input.
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     pairs = None
@@ -74,18 +56,8 @@ def halved_where_flipped(
 ) -> NDArray[np.bool_]:
     """Add one halving, in place, for the vertices of faces that flip or fold, and return these faces, (m,) bool.
 
-    Parameters
-    ----------
-    mesh
-        Input mesh with n vertices.
-    vertices
-        (n, 3) target positions.
-    held
-        (m,) faces that may not flip.
-    halvings
-        (n,) number of halvings of the displacement of each vertex.
-    pairs
-        (p, 2) adjacent faces whose normals may differ by at most 105°.
+    The `held` faces, (m,), may not flip, and the normals of the pairs of adjacent faces, (p, 2), may differ by at most
+    105°. The halvings, (n,), are those of the displacement of each vertex.
     """
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
     flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)

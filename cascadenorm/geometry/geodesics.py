@@ -55,18 +55,11 @@ def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
 
 
 def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
-    """Return the (n,) approximate distance to the nearest source; inf on components without one.
+    """Return the (n,) approximate distance to the nearest of (s,) distinct sources; inf on components without one.
 
     Heat flows from the sources for a time of one squared mean edge length. Its gradient points along the shortest
     paths. The function whose gradient best fits the unit vectors in this direction is the distance up to a constant on
     each connected component, which is chosen so that the mean distance at the sources is 0.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    sources
-        (s,) distinct vertices, at least one.
     """
     components = mesh.topology.components
     distances = np.where(np.isin(np.arange(len(mesh.vertices)), sources), 0.0, np.inf)
@@ -99,13 +92,7 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     return distances
 
 
-def _heat(
-    stiffness: "scipy.sparse.csr_array",
-    mass: Floats,
-    positions: Vectors,
-    sources: Bools,
-    time: float,
-) -> Floats:
+def _heat(stiffness: "scipy.sparse.csr_array", mass: Floats, positions: Vectors, sources: Bools, time: float) -> Floats:
     """Return the heat after one implicit step, with the time increased until heat has reached every vertex."""
     while True:
         step = scipy.sparse.diags_array(mass) + time * stiffness

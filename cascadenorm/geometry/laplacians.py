@@ -28,21 +28,12 @@ With smaller values, powers of the Laplacian become inaccurate."""
 
 @dataclass(frozen=True)
 class Laplacian:
-    """A Laplacian Δ = -M⁻¹S on the n vertices of a mesh.
+    """A Laplacian Δ = -M⁻¹S on the n vertices of a mesh."""
 
-    Parameters
-    ----------
-    stiffness
-        S, (n, n), sparse, symmetric and positive semidefinite; its rows sum to zero.
-    mass
-        M, (n,); zero for a vertex without a face, which then keeps its value.
-    positions
-        (n, 3) vertices, which solvers use to order the unknowns.
-    """
-
-    stiffness: Any  # scipy.sparse.csr_array, which has no type stubs
-    mass: NDArray[np.float64]
-    positions: Vectors
+    # S, (n, n), a scipy.sparse.csr_array, symmetric and positive semidefinite; its rows sum to zero
+    stiffness: Any
+    mass: NDArray[np.float64]  # M, (n,); zero for a vertex without a face, which then keeps its value
+    positions: Vectors  # (n, 3) vertices, which solvers use to order the unknowns
 
     @cached_property
     def inverse_mass(self) -> NDArray[np.float64]:
@@ -86,15 +77,9 @@ def cotangent_laplacian(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> 
     """Return the cotangent Laplacian (Pinkall & Polthier 1993; Meyer et al. 2003).
 
     The stiffness is -(cot α + cot β)/2 for an edge with opposite angles α and β, so that Δx = -2Hn. The mass of a
-    vertex is a third of the area of its faces.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices; triangles may be obtuse or degenerate.
-    mollification
-        Required slack of the triangle inequality in mean edge lengths. All edge lengths are increased by the smallest
-        ε with which every triangle has this slack; ε is often 0 (Sharp & Crane 2020).
+    vertex is a third of the area of its faces. Triangles may be obtuse or degenerate. Mollification is the required
+    slack of the triangle inequality in mean edge lengths: all edge lengths are increased by the smallest ε with which
+    every triangle has this slack; ε is often 0 (Sharp & Crane 2020).
     """
     return cotangent_laplacian_of(mesh, *face_cotangents(mesh, mollification=mollification))
 

@@ -73,19 +73,10 @@ class Measures:
 def measure(mesh: Mesh, reference: Mesh) -> Measures:
     """Measure the errors of a mesh against the ground truth.
 
-    Parameters
-    ----------
-    mesh
-        Mesh to evaluate; vertices without a face are ignored.
-    reference
-        Ground truth. If both meshes have the same faces, these are compared one by one. Otherwise each face is compared
-        with the face of `reference` nearest to its centroid. Faces without area in either mesh are ignored.
-
-    Raises
-    ------
-    MeshError
-        No pair of compared faces has two normals, the ground truth has no extent, the sizes of the meshes differ too
-        much, or the meshes are so far apart that no measure would mean anything.
+    If both meshes have the same faces, these are compared one by one. Otherwise each face is compared with the face of
+    `reference` nearest to its centroid. Faces without area in either mesh, and vertices without a face, are ignored.
+    Raises MeshError if no pair of compared faces has two normals, the ground truth has no extent, the sizes of the
+    meshes differ too much, or the meshes are so far apart that no measure would mean anything.
     """
     mesh, reference = scaled_alike(mesh, reference)  # does not change any measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
@@ -116,18 +107,11 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
 
 
 class Errors(NamedTuple):
-    """Errors of the faces and vertices of a mesh against the ground truth.
+    """Errors of the faces and vertices of a mesh against the ground truth."""
 
-    Parameters
-    ----------
-    angles
-        (m,) angle between the normal of each face and the true one, in degrees; NaN if either face has no area.
-    distances
-        (n,) distance of each vertex to the true surface; NaN for a vertex without a face.
-    """
-
+    # (m,) angle between the normal of each face and the true one, in degrees; NaN if either face has no area
     angles: NDArray[np.float64]
-    distances: NDArray[np.float64]
+    distances: NDArray[np.float64]  # (n,) distance of each vertex to the true surface; NaN for a vertex without a face
 
 
 def errors(mesh: Mesh, reference: Mesh) -> Errors:

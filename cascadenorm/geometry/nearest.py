@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh.ordering import morton_codes
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 LEAF_TRIANGLES = 4  # triangles in a leaf box
-CURVE_BITS = 16  # bits of each coordinate in the Morton codes of the triangles
 
 
 class Nearest(NamedTuple):
@@ -20,26 +20,15 @@ class Nearest(NamedTuple):
 
 
 class SurfaceTree:
-    """A complete binary tree of bounding boxes over the triangles of a mesh, sorted along a space-filling curve.
+    """A complete binary tree of bounding boxes over the m triangles of a mesh, sorted along a space-filling curve.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces; a face without area counts as a segment or a point.
-
-    Attributes
-    ----------
-    order
-        (m,) faces in the order of the curve.
-    corners
-        (m, 3, 3) corner positions of the faces, in that order.
-    boxes
-        (b, 2, 3) lower and upper corners of the boxes. Node i has the children 2i + 1 and 2i + 2. The last
-        (b + 1) / 2 boxes are the leaves, with up to LEAF_TRIANGLES faces each.
+    `order`, (m,), are the faces in the order of the curve, and `corners`, (m, 3, 3), their positions; a face without
+    area counts as a segment or a point. `boxes`, (b, 2, 3), are the lower and upper corners of the boxes. Node i has
+    the children 2i + 1 and 2i + 2. The last (b + 1) / 2 boxes are the leaves, with up to LEAF_TRIANGLES faces each.
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        self.order = np.argsort(_curve(mesh.centroids), kind="stable")
+        self.order = np.argsort(morton_codes(mesh.centroids), kind="stable")
         self.corners = mesh.corners[self.order]
         leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self.corners) // LEAF_TRIANGLES)))))
         self.boxes = np.empty((2 * leaves - 1, 2, 3))
@@ -60,19 +49,6 @@ class SurfaceTree:
         squared, faces = np.empty(len(points)), np.empty(len(points), np.int64)
         parallel_for(len(points), _search, points, self.corners, self.order, self.boxes, squared, faces)
         return Nearest(np.sqrt(squared), faces)
-
-
-def _curve(points: Vectors) -> NDArray[np.uint64]:
-    """Return the Morton code of each point in the bounding box of all points."""
-    lower = points.min(axis=0)
-    extent = np.ptp(points, axis=0).max()
-    cells = (1 << CURVE_BITS) - 1
-    place = ((points - lower) * (cells / extent if extent > 0 else 0.0)).astype(np.uint64)
-    code = np.zeros(len(points), np.uint64)
-    for bit in range(CURVE_BITS):
-        for axis in range(3):
-            code |= ((place[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return code
 
 
 @kernel

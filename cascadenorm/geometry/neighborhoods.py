@@ -20,53 +20,29 @@ from cascadenorm.mesh import (
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
+LEAST_SEARCHES = 16
+"""Smallest number of centres for a thread: a few large neighbourhoods are worth several threads."""
 
 
 def within(
     centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr, *, most: int = UNLIMITED
 ) -> Csr:
-    """Find the points within a radius of each centre that are connected to its seeds through such points.
+    """Find the points, (p, 3), within a radius of each centre that are connected to its seeds through such points.
 
-    Parameters
-    ----------
-    centers, radii
-        (k, 3) positions and (k,) radii.
-    points
-        (p, 3) positions.
-    graph
-        Neighbours of each point, p rows.
-    seeds
-        Points where the search of each centre starts, k rows; seeds outside the radius are skipped.
-    most
-        Largest number of points per centre; the first ones found are kept.
-
-    Returns
-    -------
-    k rows: the points at most radii[i] from centers[i], in breadth-first order.
+    There are (k, 3) centres and (k,) radii. The graph has the neighbours of each point, and the seeds, k rows, are the
+    points where the search of each centre starts; those outside the radius are skipped. Returns k rows of at most
+    `most` points in breadth-first order.
     """
     count = len(centers)
-    return joined_rows(count, parallel_for(count, _within_range, centers, radii, points, graph, seeds, most))
+    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, most, smallest=LEAST_SEARCHES)
+    return joined_rows(count, parts)
 
 
 def faces_near(mesh: Mesh, faces: Ints32, radius: float, *, most: int = UNLIMITED) -> Csr:
     """Find the faces with a centroid within a radius of that of each given face, connected to it through such faces.
 
-    The result is that of `within` on the graph of faces that share a vertex, which need not be stored.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
-    faces
-        (k,) indices of the given faces.
-    radius
-        Radius in mesh units.
-    most
-        Largest number of faces per given face; the first ones found are kept.
-
-    Returns
-    -------
-    k rows in breadth-first order, starting with the given face itself.
+    The result is that of `within` on the graph of faces that share a vertex, which need not be stored: a row for each
+    of the (k,) given faces, in breadth-first order, with at most `most` faces, the first of which is the given one.
     """
     topology = mesh.topology
     most = min(most, len(mesh.faces))
@@ -82,17 +58,7 @@ def each_alone(count: int) -> Csr:
 
 
 def steps_from(topology: Topology, seeds: NDArray[np.bool_], most: int) -> Ints32:
-    """Return the (n,) number of edges from each vertex to the nearest seed, capped at `most` + 1.
-
-    Parameters
-    ----------
-    topology
-        Topology with n vertices.
-    seeds
-        (n,) bool, the seed vertices.
-    most
-        Largest number of edges that is searched.
-    """
+    """Return the (n,) number of edges from each vertex to the nearest seed of (n,) bool, capped at `most` + 1."""
     steps = np.where(seeds, 0, most + 1).astype(np.int32)
     _steps(topology.faces, topology.vertex_faces, np.flatnonzero(seeds).astype(np.int32), most, steps)
     return steps
@@ -119,14 +85,7 @@ def _steps(faces: Ints32, around: Csr, seeds: Ints32, most: int, steps: Ints32) 
 
 @kernel
 def _within_range(
-    start: int,
-    stop: int,
-    centers: Vectors,
-    radii: Floats,
-    points: Vectors,
-    neighbors: Csr,
-    seeds: Csr,
-    most: int,
+    start: int, stop: int, centers: Vectors, radii: Floats, points: Vectors, neighbors: Csr, seeds: Csr, most: int
 ) -> tuple[Ints, Ints32]:
     """Search breadth first from the seeds of each centre in start … stop; return the row lengths and the points."""
     seen = np.full(len(points), -1, np.int32)
@@ -142,11 +101,8 @@ def _within_range(
             if current < first:
                 low, high, source = seeds.indptr[i], seeds.indptr[i + 1], seeds.indices
             else:
-                low, high, source = (
-                    neighbors.indptr[found[current]],
-                    neighbors.indptr[found[current] + 1],
-                    neighbors.indices,
-                )
+                j = found[current]
+                low, high, source = neighbors.indptr[j], neighbors.indptr[j + 1], neighbors.indices
             for k in range(low, high):
                 j = source[k]
                 if seen[j] == i:
@@ -180,16 +136,9 @@ def search_faces(
 ) -> int:
     """Search breadth first from face f over faces that share a vertex; return the number of faces found.
 
-    Parameters
-    ----------
-    limit
-        Largest squared distance of a centroid from that of face f.
-    rings
-        Largest number of steps.
-    seen
-        (m,) and (n,): the last face whose search has met each face and each vertex; initially -1.
-    found, distances
-        Filled with the faces and the squared distances of their centroids. The search stops when they are full.
+    The faces and the squared distances of their centroids from that of f, at most `limit`, are written to `found` and
+    `distances`. The search stops when these are full, or after `rings` steps. `seen` is the last face whose search has
+    met each face, (m,), and each vertex, (n,); initially -1.
     """
     of_faces, of_vertices = seen
     found[0], distances[0], of_faces[f] = f, 0.0, f

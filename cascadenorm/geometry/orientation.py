@@ -10,24 +10,12 @@ from cascadenorm.mesh.vectors import cross, dot, row, subtract
 
 
 class OrientedPatches(NamedTuple):
-    """Patches of faces connected across manifold edges.
+    """Patches of faces connected across manifold edges."""
 
-    Parameters
-    ----------
-    patch
-        (m,) first face of each face's patch.
-    flipped
-        (m,) whether each face is oriented opposite to the first face of its patch.
-    at_boundary
-        (m,) whether each face has an edge on the boundary of its patch.
-    single_sided
-        Whether any patch is non-orientable, such as a Möbius strip.
-    """
-
-    patch: NDArray[np.int32]
-    flipped: NDArray[np.bool_]
-    at_boundary: NDArray[np.bool_]
-    single_sided: bool
+    patch: NDArray[np.int32]  # (m,) first face of each face's patch
+    flipped: NDArray[np.bool_]  # (m,) whether each face is oriented opposite to that face
+    at_boundary: NDArray[np.bool_]  # (m,) whether each face has an edge on the boundary of its patch
+    single_sided: bool  # whether any patch is non-orientable, such as a Möbius strip
 
 
 def oriented(mesh: Mesh) -> Mesh:
@@ -39,11 +27,8 @@ def oriented(mesh: Mesh) -> Mesh:
 
     The majority of its faces determines the orientation of an open patch, or the first face in a tie. A non-orientable
     patch, such as a Möbius strip, keeps a seam. The result is therefore independent of the input orientation as long as
-    fewer than half of the faces of an open patch are flipped.
-
-    Returns
-    -------
-    Mesh in which flipped faces have their vertices in reverse order; `mesh` itself if no face needs flipping.
+    fewer than half of the faces of an open patch are flipped. Flipped faces have their vertices in reverse order; if
+    there are none, the result is `mesh` itself.
     """
     flipped = _to_flip(mesh)
     if not flipped.any():

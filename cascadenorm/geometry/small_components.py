@@ -13,21 +13,10 @@ SMALL = "1%"
 
 
 def component_limit(limit: str | int) -> tuple[float, bool]:
-    """Parse a limit: a number of faces, or a fraction of the faces of the largest component.
+    """Parse a limit, a number of faces or a percentage of those of the largest component, such as 50, "50" or "1%".
 
-    Parameters
-    ----------
-    limit
-        Limit such as 50, "50" or "1%".
-
-    Returns
-    -------
-    The number or fraction, and whether it is a fraction.
-
-    Raises
-    ------
-    ParameterError
-        `limit` is neither a whole number of at least 1 nor a percentage between 0 and 100.
+    Returns the number or fraction, and whether it is a fraction. Raises ParameterError if the limit is neither a whole
+    number of at least 1 nor a percentage between 0 and 100.
     """
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(%?)\s*", str(limit))
     number = float(found[1]) if found else 0.0
@@ -41,18 +30,10 @@ def component_limit(limit: str | int) -> tuple[float, bool]:
 
 
 def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArray[np.int64]]:
-    """Find the components with fewer faces than a limit, excluding the largest component.
+    """Find the components with fewer faces than a limit (see `component_limit`), excluding the largest component.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces. Faces that share a vertex are connected.
-    limit
-        Number of faces, or percentage of the faces of the largest component (see `component_limit`).
-
-    Returns
-    -------
-    (m,) bool, whether each face lies in a small component; and the first face of each small component, ascending.
+    Faces that share a vertex are connected. Returns (m,) bool, whether each face lies in a small component; and the
+    first face of each small component, ascending.
     """
     number, share = component_limit(limit)
     _, first, of_faces, counts = np.unique(

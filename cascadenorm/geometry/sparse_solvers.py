@@ -22,19 +22,9 @@ SOLVER_TOLERANCE = 1e-11  # relative residual of the iterative solutions
 
 
 class Factorisation:
-    """A factorised symmetric positive definite matrix.
+    """A factorised symmetric positive definite matrix, (n, n), of unknowns at (n, 3) positions in space.
 
-    Parameters
-    ----------
-    matrix
-        (n, n) scipy sparse matrix.
-    positions
-        (n, 3) positions of the unknowns in space.
-
-    Raises
-    ------
-    MeshError
-        The matrix is singular.
+    Raises MeshError if the matrix is singular.
     """
 
     def __init__(self, matrix: Any, positions: Floats) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Mesh, Vectors, kernel
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Mesh, Vectors, connected_components, kernel
 from cascadenorm.mesh.vectors import row, squared_distance
 
 RADIUS = 0.7
@@ -17,22 +17,12 @@ SETTLED = 0.001
 
 
 def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:
-    """Divide the vertices into connected clusters with a given distance between their centroids.
+    """Divide the vertices into connected clusters; return the (n,) cluster of each, -1 for vertices without a face.
 
-    Seeds are chosen at random, at least RADIUS spacings apart, and claim the vertices around them. Then vertices at the
-    border of a cluster move to the neighbouring cluster if this reduces the sum of squared distances to the centroids
-    (Valette, Chassery 2004). The cost does not depend on the number of clusters.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    spacing
-        (n,) distance between the centroids around each vertex, in mesh units, above 0.
-
-    Returns
-    -------
-    (n,) cluster of each vertex; -1 for vertices without a face.
+    The spacing, (n,), is the distance between the centroids around each vertex, in mesh units. Seeds are chosen at
+    random, at least RADIUS spacings apart, and claim the vertices around them. Then vertices at the border of a cluster
+    move to the neighbouring cluster if this reduces the sum of squared distances to the centroids (Valette, Chassery
+    2004). The cost does not depend on the number of clusters.
     """
     topology = mesh.topology
     around = topology.vertex_neighbors
@@ -41,7 +31,7 @@ def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:
     _seed(mesh.vertices, around, order, RADIUS * spacing, labels)
     weights = vertex_areas(mesh)
     _relax(mesh.vertices, weights, topology.edges, labels, CLUSTER_PASSES, SETTLED)
-    return _connected(labels, around)
+    return _connected(labels, topology.edges, around)
 
 
 def vertex_areas(mesh: Mesh) -> Floats:
@@ -51,17 +41,18 @@ def vertex_areas(mesh: Mesh) -> Floats:
     return np.maximum(areas, max(least, np.finfo(float).tiny))
 
 
-def _connected(labels: Ints32, around: Csr) -> Ints32:
+def _connected(labels: Ints32, edges: Ints32, around: Csr) -> Ints32:
     """Keep the largest connected piece of each cluster, assign other pieces to neighbours, and renumber."""
-    labels = labels.copy()
-    pieces = np.empty(len(labels), np.int32)
-    sizes = np.empty(len(labels), np.int64)
-    count = _pieces(labels, around, pieces, sizes)
-    inside = labels >= 0
-    clusters = labels.max() + 1
-    largest = np.full(clusters, -1, np.int32)
-    _largest_pieces(labels, pieces, sizes[:count], largest)
-    cut_off = inside & (largest[labels] != pieces)
+    labels, inside = labels.copy(), labels >= 0
+    pieces = connected_components(edges[labels[edges[:, 0]] == labels[edges[:, 1]]], len(labels))
+    sizes = np.bincount(pieces)
+    owners = np.empty(len(sizes), np.int32)
+    owners[pieces] = labels
+    by_size = np.lexsort((-sizes, owners))  # stable, so that ties go to the first piece
+    _, first = np.unique(owners[by_size], return_index=True)
+    largest = np.zeros(len(sizes), bool)
+    largest[by_size[first]] = True
+    cut_off = inside & ~largest[pieces]
     labels[cut_off] = -1
     _assign_free(labels, np.flatnonzero(cut_off), around)
     _, numbers = np.unique(labels[inside], return_inverse=True)
@@ -151,39 +142,6 @@ def _gain(totals: Floats, cluster: int, vertices: Vectors, i: int, weight: float
         squares += part * part
     gain: float = squares / total
     return gain
-
-
-@kernel
-def _pieces(labels: Ints32, around: Csr, pieces: Ints32, sizes: Ints) -> int:
-    """Number the connected pieces of clusters, count their vertices, and return the number of pieces."""
-    pieces[:] = -1
-    stack = np.empty(len(labels), np.int64)
-    count = 0
-    for first in range(len(labels)):
-        if labels[first] < 0 or pieces[first] >= 0:
-            continue
-        pieces[first], stack[0], top, size = count, first, 1, 1
-        while top > 0:
-            top -= 1
-            i = stack[top]
-            for k in range(around.indptr[i], around.indptr[i + 1]):
-                j = around.indices[k]
-                if labels[j] == labels[first] and pieces[j] < 0:
-                    pieces[j], stack[top] = count, j
-                    top += 1
-                    size += 1
-        sizes[count] = size
-        count += 1
-    return count
-
-
-@kernel
-def _largest_pieces(labels: Ints32, pieces: Ints32, sizes: Ints, largest: Ints32) -> None:
-    """Find the piece with the most vertices in each cluster; ties go to the first piece."""
-    for i in range(len(labels)):
-        c = labels[i]
-        if c >= 0 and (largest[c] < 0 or sizes[pieces[i]] > sizes[largest[c]]):
-            largest[c] = pieces[i]
 
 
 @kernel

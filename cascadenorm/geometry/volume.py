@@ -12,17 +12,9 @@ TOLERANCE = 1e-13
 
 
 class Parts(NamedTuple):
-    """Connected components that enclose a volume.
+    """Connected components that enclose a volume."""
 
-    Parameters
-    ----------
-    number
-        (n,) part of each vertex; -1 if its component is open or not consistently oriented.
-    total
-        Number of parts.
-    """
-
-    number: NDArray[np.int64]
+    number: NDArray[np.int64]  # (n,) part of each vertex; -1 if its component is open or not consistently oriented
     total: int
 
 
@@ -44,20 +36,10 @@ def is_closed(mesh: Mesh) -> bool:
 
 
 def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.float64]) -> Vectors:
-    """Restore the volume of each closed part by scaling it about the mean of its vertices.
+    """Restore the volume of each closed part by scaling (n, 3) vertices of the original mesh about their mean.
 
-    Parameters
-    ----------
-    original
-        Mesh with n vertices and the volumes to restore.
-    vertices
-        (n, 3) current positions of its vertices.
-    weights
-        (n,) weight of the scaling at each vertex; vertices with weight 0 stay in place.
-
-    Returns
-    -------
-    (n, 3) vertices; a part is unchanged if its volume is zero, has changed sign or cannot be restored.
+    The scaling has a weight, (n,), at each vertex; vertices with weight 0 stay in place. A part is unchanged if its
+    volume is zero, has changed sign or cannot be restored.
     """
     parts = closed_parts(original)
     if parts.total == 0:

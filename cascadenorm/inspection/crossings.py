@@ -12,21 +12,11 @@ DETERMINANT_ROUNDING = 1e-14  # determinants below this share of the product of 
 
 
 def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which faces cross another face: an edge of one passes through the interior or the boundary of the other.
+    """Return (m,) which faces cross another: an edge of one passes through the interior or the boundary of the other.
 
     Faces that only touch do not count, nor do coplanar overlapping faces and faces that share two vertices or
-    positions. At most a thousand nearby faces are tested per face.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
-    places
-        (n,) equal for vertices at the same position. Faces that meet there only touch, even without a shared vertex.
-
-    Returns
-    -------
-    (m,) bool
+    positions. The places, (n,), are equal for vertices at the same position; faces that meet there only touch, even
+    without a shared vertex. At most a thousand nearby faces are tested per face.
     """
     crossing = np.zeros(len(mesh.faces), bool)
     a, b, c = places[mesh.faces].T

@@ -50,8 +50,7 @@ def spikes(mesh: Mesh) -> Mask:
     sines = np.linalg.norm(np.cross(onward, backward), axis=2)
     angles = np.arctan2(sines, (onward * backward).sum(axis=2))
     sums = scatter_add(mesh.faces.ravel(), angles.ravel(), len(mesh.vertices))
-    inner = mesh.topology.used_vertices.copy()
-    inner[mesh.topology.edges[mesh.topology.edge_faces.counts == 1]] = False
+    inner = mesh.topology.used_vertices & ~mesh.topology.boundary_vertices
     return np.asarray(inner & (sums < SPIKE))
 
 

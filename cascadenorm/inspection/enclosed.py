@@ -10,34 +10,17 @@ from cascadenorm.mesh import Mesh
 
 
 class Enclosed(NamedTuple):
-    """The closed, consistently oriented components of a mesh.
+    """The closed, consistently oriented components of a mesh."""
 
-    Parameters
-    ----------
-    faces
-        (c,) first face of each component.
-    volumes
-        (c,) signed volumes; negative for components that are inside out.
-    characteristics
-        (c,) Euler characteristics V - E + F, which are 2 - 2 · handles for manifold components.
-    manifold
-        (c,) bool, whether every vertex of the component has a single fan of faces.
-    """
-
-    faces: NDArray[np.int64]
-    volumes: NDArray[np.float64]
+    faces: NDArray[np.int64]  # (c,) first face of each component
+    volumes: NDArray[np.float64]  # (c,) signed volumes; negative for components that are inside out
+    # (c,) Euler characteristics V - E + F, which are 2 - 2 · handles for manifold components
     characteristics: NDArray[np.int64]
-    manifold: NDArray[np.bool_]
+    manifold: NDArray[np.bool_]  # (c,) bool, whether every vertex of the component has a single fan of faces
 
 
 def enclosed(mesh: Mesh, pinched: NDArray[np.bool_]) -> Enclosed:
-    """Measure the closed components of a mesh.
-
-    Parameters
-    ----------
-    pinched
-        (n,) bool, vertices with several fans of faces.
-    """
+    """Measure the closed components of a mesh; pinched vertices, (n,) bool, have several fans of faces."""
     closed = closed_parts(mesh)
     number, total = closed
     of_face, of_edge = number[mesh.faces[:, 0]], number[mesh.topology.edges[:, 0]]

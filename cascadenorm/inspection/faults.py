@@ -11,18 +11,10 @@ MOST_FACES_CROSSED = 200_000
 
 
 class Faults(NamedTuple):
-    """Counts of faults.
+    """Counts of faults."""
 
-    Parameters
-    ----------
-    crossing_faces
-        Number of faces that cross others. None if not checked.
-    spikes
-        Number of vertices that are spikes.
-    """
-
-    crossing_faces: int | None
-    spikes: int
+    crossing_faces: int | None  # number of faces that cross others; None if not checked
+    spikes: int  # number of vertices that are spikes
 
 
 FAULTS = Faults._fields

@@ -13,10 +13,7 @@ FINDINGS = {
         "edge has two faces of inconsistent orientation, one of them flipped",
         "edges have two faces of inconsistent orientation, one of them flipped",
     ),
-    "inside_out": (
-        "closed component is inside out, or a cavity",
-        "closed components are inside out, or cavities",
-    ),
+    "inside_out": ("closed component is inside out, or a cavity", "closed components are inside out, or cavities"),
     "zero_area": ("face has no area", "faces have no area"),
     "slivers": (
         "face is a sliver, its height below 1 % of its longest edge",

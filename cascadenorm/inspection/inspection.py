@@ -37,6 +37,7 @@ from cascadenorm.mesh.welding import nearly_coincident
 
 MOST_FACES_DENOISED = 300_000
 """Maximum number of faces for which `auto` is run to determine the kind of error."""
+NONE_FOUND = Found(0, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,35 +124,36 @@ class Inspection:
     bad_indices: Found
     not_finite: Found
     repeated_corners: Found
-    parts: int
-    closed: bool
-    boundary_loops: int
-    boundary_edges: int
-    non_manifold_edges: Found
-    non_manifold_vertices: Found
-    flipped_edges: Found
-    inside_out: Found
-    zero_area: Found
-    slivers: Found
-    duplicate_faces: Found
+    # the defaults of what follows describe a mesh without a valid face
+    parts: int = 0
+    closed: bool = False
+    boundary_loops: int = 0
+    boundary_edges: int = 0
+    non_manifold_edges: Found = NONE_FOUND
+    non_manifold_vertices: Found = NONE_FOUND
+    flipped_edges: Found = NONE_FOUND
+    inside_out: Found = NONE_FOUND
+    zero_area: Found = NONE_FOUND
+    slivers: Found = NONE_FOUND
+    duplicate_faces: Found = NONE_FOUND
     unreferenced: Found
     duplicate_vertices: Found
-    nearly_coincident: Found
-    crossing_faces: Found | None
-    spikes: Found
-    small_components: Found
-    euler_characteristic: int
-    genus: int | None
-    lower: tuple[float, ...] | None
-    upper: tuple[float, ...] | None
-    mean_edge_length: float | None
-    area: float | None
-    volume: float | None
-    resolution: float | None
-    noise: float | None
-    error: ErrorKind | None
-    treated_as: Treated | None
-    treads: Treads | None
+    nearly_coincident: Found = NONE_FOUND
+    crossing_faces: Found | None = NONE_FOUND
+    spikes: Found = NONE_FOUND
+    small_components: Found = NONE_FOUND
+    euler_characteristic: int = 0
+    genus: int | None = None
+    lower: tuple[float, ...] | None = None
+    upper: tuple[float, ...] | None = None
+    mean_edge_length: float | None = None
+    area: float | None = None
+    volume: float | None = None
+    resolution: float | None = None
+    noise: float | None = None
+    error: ErrorKind | None = None
+    treated_as: Treated | None = None
+    treads: Treads | None = None
 
     @property
     def findings(self) -> dict[str, Found]:
@@ -188,7 +190,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     bad = bad_faces(given.vertices, corners)
     used = np.zeros(count + 1, bool)
     used[np.where(outside, count, corners)] = True
-    report = _shape(given, isolated(given.vertices, corners), ~bad, self_intersections) if not bad.all() else NOTHING
+    report = _shape(given, isolated(given.vertices, corners), ~bad, self_intersections) if not bad.all() else {}
     return Inspection(
         source=given.source,
         number_type=given.number_type,
@@ -215,10 +217,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     flat, thin = thin_faces(small)
     looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
     crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
-    inside_out = np.zeros(len(mesh.faces), bool)
-    inside_out[parts.faces[parts.volumes < 0]] = True
-    floating = np.zeros(len(mesh.faces), bool)
-    floating[small_components(mesh)[1]] = True
+    every = np.arange(len(mesh.faces))
     corners = mesh.vertices[mesh.faces.ravel()]
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
@@ -231,14 +230,14 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "non_manifold_edges": numbered.at_edges(topology.edges[around > 2]),
         "non_manifold_vertices": numbered.at_vertices(pinched),
         "flipped_edges": numbered.at_edges(topology.edges[flipped_edges(topology)]),
-        "inside_out": numbered.at_faces(inside_out),
+        "inside_out": numbered.at_faces(np.isin(every, parts.faces[parts.volumes < 0])),
         "zero_area": numbered.at_faces(flat),
         "slivers": numbered.at_faces(thin),
         "nearly_coincident": numbered.at_vertices(nearly_coincident(small)),
         "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
         "spikes": numbered.at_vertices(spikes(small)),
-        "small_components": numbered.at_faces(floating),
+        "small_components": numbered.at_faces(np.isin(every, small_components(mesh)[1])),
         "euler_characteristic": len(np.unique(mesh.faces)) - len(topology.edges) + len(mesh.faces),
         "genus": int((2 - parts.characteristics[parts.manifold]).sum() // 2) if parts.manifold.any() else None,
         "lower": tuple(lower.tolist()),
@@ -260,20 +259,6 @@ def _noise_and_error(mesh: Mesh, exponent: int) -> dict[str, Any]:
     mesh = ordered_for_cache(mesh).mesh
     error = error_kind(mesh, auto(mesh), exponent=exponent)
     return {"noise": None if noise is None else error.size, "error": error, "treated_as": treated(mesh)}
-
-
-NONE_FOUND = Found(0, ())
-
-NOTHING: dict[str, Any] = {
-    **dict.fromkeys(("parts", "boundary_loops", "boundary_edges", "euler_characteristic"), 0),
-    **dict.fromkeys(("non_manifold_edges", "non_manifold_vertices", "flipped_edges", "inside_out"), NONE_FOUND),
-    **dict.fromkeys(("zero_area", "slivers", "duplicate_faces", "nearly_coincident", "crossing_faces"), NONE_FOUND),
-    **dict.fromkeys(("spikes", "small_components"), NONE_FOUND),
-    **dict.fromkeys(("genus", "lower", "upper", "mean_edge_length", "area", "volume", "resolution", "noise")),
-    **dict.fromkeys(("error", "treated_as", "treads")),
-    "closed": False,
-}
-"""Result of `_shape` for meshes without good faces."""
 
 
 def _scaled(value: float, exponent: int) -> float | None:

@@ -18,43 +18,25 @@ PLACES = 10
 
 @dataclass(frozen=True)
 class Found:
-    """Number of locations with a defect, and the first of them.
+    """Number of locations with a defect, and the first of them."""
 
-    Parameters
-    ----------
-    count
-        Number of faces, vertices or edges.
-    first
-        Up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as in the file.
-    """
-
-    count: int
+    count: int  # of faces, vertices or edges
+    # up to PLACES numbers of faces or vertices, or pairs of vertices for edges, counted as in the file
     first: tuple[Any, ...]
 
 
 class GivenMesh(NamedTuple):
-    """A mesh as given to `inspect`.
-
-    Parameters
-    ----------
-    source, number_type, counts_from
-        As in `Inspection`.
-    vertices
-        (n, 3) values, not checked; faces : (m, 3) values, not checked.
-    vertex_numbers, face_numbers
-        (n,) and (m,) numbers in the source, counted from 0.
-    file_vertices
-        Number of positions in the source.
-    """
+    """A mesh as given to `inspect`."""
 
     source: str
     number_type: str
     counts_from: int
-    vertices: NDArray[np.float64]
-    faces: NDArray[Any]
+    vertices: NDArray[np.float64]  # (n, 3), not checked
+    faces: NDArray[Any]  # (m, 3), not checked
+    # vertex_numbers, face_numbers: (n,) and (m,) numbers in the source, counted from 0
     vertex_numbers: NDArray[np.int64]
     face_numbers: NDArray[np.int64]
-    file_vertices: int
+    file_vertices: int  # number of positions in the source
 
     def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
         """Locate vertices."""

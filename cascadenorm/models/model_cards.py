@@ -67,10 +67,7 @@ Mean chord between regressed and true normals of faces that were held out, by st
 def hub_card(model: str) -> str:
     """Return the card of a shipped model, given by its name, or of a weights file, given by its path.
 
-    Raises
-    ------
-    ParameterError
-        The file is missing or is not a model.
+    Raises ParameterError if the file is missing or is not a model.
     """
     networks = load_model(model).model.networks
     card = next(iter(networks.values())).card

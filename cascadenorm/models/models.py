@@ -76,31 +76,12 @@ def load_model(model: str) -> Denoiser:
 
 
 def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = False) -> list[Path]:
-    """Write the networks of a model as ONNX files, one per stage.
+    """Write the networks of a model as ONNX files to a folder, one per stage, and return their paths.
 
     A single cascade becomes stage1.onnx and so on; the two networks of `auto` become vertex-stage1.onnx,
     surface-stage1.onnx and so on. The files do not contain the filters, the context features and the vertex update. The
-    inputs and outputs are described in `cascadenorm.learned.onnx_export.stage_model`.
-
-    Parameters
-    ----------
-    model
-        Model from `Denoiser.shipped` or `Denoiser.load`.
-    folder
-        Output folder; created if missing.
-    force
-        Replace existing files.
-
-    Returns
-    -------
-    Paths of the files
-
-    Raises
-    ------
-    OutputError
-        A file exists and `force` is False, or it cannot be written.
-    MissingDependencyError
-        Onnx is not installed.
+    inputs and outputs are described in `cascadenorm.learned.onnx_export.stage_model`. Raises OutputError if a file
+    exists and `force` is False, or if it cannot be written, and MissingDependencyError if onnx is not installed.
     """
     from cascadenorm.learned.onnx_export import stage_model
 

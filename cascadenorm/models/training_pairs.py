@@ -1,5 +1,6 @@
 """Read training pairs from files, or generate them and write them to files."""
 
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -20,20 +21,10 @@ from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[Pair]:
     """Read additional meshes for training, oriented, of about unit size, in patches of at most config.max_faces.
 
-    Parameters
-    ----------
-    shapes
-        Clean meshes, or folders of them. They receive noise as set by `config`, repeatedly until they make up about a
-        quarter of the number of generated pairs, at most 20 times.
-    noisy
-        Folders of pairs with equal faces, as accepted by `find_pairs`.
-    config
-        Configuration of the generated pairs.
-
-    Raises
-    ------
-    ReadError, MeshError
-        A file is missing or is not a mesh, a folder has none, or the faces of a pair differ.
+    The shapes are clean meshes, or folders of them. They receive noise as set by `config`, repeatedly until they make
+    up about a quarter of the number of generated pairs, at most 20 times. `noisy` are folders of pairs with equal
+    faces, as accepted by `find_pairs`. Raises ReadError or MeshError if a file is missing or is not a mesh, a folder
+    has none, or the faces of a pair differ.
     """
     own = [part for path in _mesh_files(shapes) for part in _patches(oriented(in_frame(as_mesh(path))[0]), config)]
     rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
@@ -61,11 +52,9 @@ def _mesh_files(places: Paths) -> list[Path]:
     """List the given files, and the mesh files in the given folders by name."""
     files = []
     for place in paths_of(places):
-        found = (
-            sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
-            if place.is_dir()
-            else [place]
-        )
+        found = [place]
+        if place.is_dir():
+            found = sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
         if not found:
             raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
         files += found
@@ -118,12 +107,8 @@ def write_pairs(
     config = DatasetConfig(count=count, seed=seed)
     try:
         with use_cluster(scheduler, workers=workers, folder=None):
-            write_dataset(folder, config, write=_overwrite, workers=workers, progress=progress)
+            write_dataset(folder, config, write=partial(save_mesh, force=True), workers=workers, progress=progress)
     except OutputError:
         raise
     except OSError as error:
         raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
-
-
-def _overwrite(path: Path, mesh: Mesh) -> None:
-    save_mesh(path, mesh, force=True)

@@ -17,36 +17,18 @@ class TooNarrow(Exception):
 
 @dataclass(frozen=True, eq=False)
 class MeshPatch:
-    """A part of a mesh with a halo, as sent to the process that works on it.
+    """A part of a mesh with a halo, as sent to the process that works on it."""
 
-    Parameters
-    ----------
-    vertices
-        (k, 3) positions.
-    corners
-        (j, 3) faces as indices of `vertices`.
-    box
-        Index of the box that the patch was grown from (see `Cutter`).
-    vertex_numbers, face_numbers
-        (k,) and (j,) indices of the vertices and faces in the whole mesh, ascending.
-    inside
-        (k,) whether each vertex is outside the halo.
-    complete
-        (k,) whether the patch contains all faces of the whole mesh around each vertex.
-    facts
-        Properties of the whole mesh for `Mesh.with_facts`.
-    components
-        (k,) connected component of each vertex in the whole mesh; None if the work does not need it.
-    """
-
-    vertices: Vectors
-    corners: Ints32
-    box: int
+    vertices: Vectors  # (k, 3) positions
+    corners: Ints32  # (j, 3) faces as indices of `vertices`
+    box: int  # index of the box that the patch was grown from (see `Cutter`)
+    # vertex_numbers, face_numbers: (k,) and (j,) indices of the vertices and faces in the whole mesh, ascending
     vertex_numbers: Ints32
     face_numbers: Ints32
-    inside: Bools
-    complete: Bools
-    facts: Mapping[str, float]
+    inside: Bools  # (k,) whether each vertex is outside the halo
+    complete: Bools  # (k,) whether the patch contains all faces of the whole mesh around each vertex
+    facts: Mapping[str, float]  # properties of the whole mesh for `Mesh.with_facts`
+    # (k,) connected component of each vertex in the whole mesh; None if the work does not need it
     components: Ints32 | None = None
 
     @cached_property
@@ -99,14 +81,9 @@ class MeshPatch:
 
 
 class Cutter:
-    """Boxes with equal numbers of vertices, from which patches are grown.
+    """Boxes with equal numbers of the (n, 3) points, from which patches are grown.
 
-    Parameters
-    ----------
-    points
-        (n, 3) positions of the vertices.
-    depth
-        Number of times that boxes are halved across their longest side, which gives 2**depth boxes.
+    Boxes are halved `depth` times across their longest side, which gives 2**depth boxes.
     """
 
     def __init__(self, points: Vectors, depth: int) -> None:
@@ -119,18 +96,9 @@ class Cutter:
     def patch(
         self, mesh: Mesh, number: int, rings: int, facts: Mapping[str, float], components: Ints32 | None
     ) -> MeshPatch:
-        """Return the patch of a box.
+        """Return the patch of a box, 0 … `count` - 1, with a halo of some rings of edges.
 
-        Parameters
-        ----------
-        mesh
-            Mesh with n vertices, which may have moved since the boxes were created.
-        number
-            Index of the box, 0 … `count` - 1.
-        rings
-            Width of the halo in edges.
-        facts, components
-            As in `MeshPatch`, with the components of all n vertices.
+        The mesh may have moved since the boxes were created. `facts` and `components`, (n,), are as in `MeshPatch`.
         """
         faces, around, place = mesh.faces, mesh.topology.vertex_faces, self._place
         seeds = self._order[self._starts[number] : self._starts[number + 1]]

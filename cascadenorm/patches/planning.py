@@ -43,23 +43,11 @@ def check_works_in_patches(method: Method, parameters: Mapping[str, Any]) -> Non
 
 @contextmanager
 def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[None]:
-    """Process meshes in patches inside the block if they need more memory than the limit.
+    """Process a mesh in patches inside the block if its faces need more memory than a limit in bytes.
 
-    Parameters
-    ----------
-    memory
-        Memory limit in bytes for this process, or for each worker process if there is a scheduler.
-    faces
-        Number of faces of the mesh.
-    scheduler
-        Address of a Dask scheduler for the workers, "local" for a cluster on this machine, or None for this process.
-
-    Raises
-    ------
-    ParameterError
-        The memory is too small for the mesh.
-    MissingDependencyError, WorkerError
-        The cluster is not available or fails.
+    The limit is for this process, or for each worker process of the scheduler: an address of Dask, or "local" for a
+    cluster on this machine. Raises ParameterError if the memory is too small for the mesh, and MissingDependencyError
+    or WorkerError if the cluster is not available or fails.
     """
     whole = WHOLE_FACE_BYTES * faces if scheduler is None else 0
     left = memory - PROCESS_BYTES - whole
@@ -69,12 +57,9 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
             f"is {format_bytes(memory)}; {faces:,} faces need at least {format_bytes(least)}", parameter="memory"
         )
     if scheduler is None:
-        # a larger patch would save little; the remaining memory caches results between passes
-        size = (
-            left // PATCH_FACE_BYTES
-            if left >= PATCH_FACE_BYTES * faces
-            else min(MAX_PATCH_FACES, max(MIN_PATCH_FACES, left // 2 // PATCH_FACE_BYTES))
-        )
+        size = left // PATCH_FACE_BYTES
+        if size < faces:  # a larger patch would save little; the remaining memory caches results between passes
+            size = min(MAX_PATCH_FACES, max(MIN_PATCH_FACES, size // 2))
         with working_in_patches(Patching(size, spare=left - size * PATCH_FACE_BYTES)):
             yield
         return

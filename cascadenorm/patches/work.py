@@ -25,20 +25,11 @@ A face inside may have two corners in the halo, and the faces around the outermo
 
 @dataclass
 class Patching:
-    """Settings for work in patches.
+    """Settings for work in patches."""
 
-    Parameters
-    ----------
-    faces
-        Number of faces in a patch, including its halo.
-    each
-        Map that does the work on the patches: `map` in this process, or a map over the processes of a cluster.
-    spare
-        Bytes of memory for results that a later pass over the patches can reuse; 0 if other processes do the work.
-    """
-
-    faces: int
-    each: Map = map
+    faces: int  # number of faces in a patch, including its halo
+    each: Map = map  # does the work on the patches: `map` in this process, or a map over the processes of a cluster
+    # bytes of memory for results that a later pass over the patches can reuse; 0 if other processes do the work
     spare: int = 0
     _cutters: dict[int, tuple[Ints32, Cutter]] = field(default_factory=dict)
 
@@ -91,25 +82,11 @@ def each_patch(
 ) -> Iterator[tuple[MeshPatch, Result]]:
     """Apply work to each patch of a mesh, and yield each patch, without its positions, with the result.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices and m faces.
-    patching
-        Settings for work in patches.
-    work
-        Picklable function, called with a `MeshPatch` and its rows of `vertices` and `faces`, which it must not change.
-        If it raises `TooNarrow`, it is repeated with a halo of twice the width.
-    receptive_field
-        Receptive field of the work: the number of edges around the corners of a face that affect its result.
-    facts
-        Properties of the whole mesh that the work depends on, such as "mean_edge_length".
-    vertices, faces
-        Arrays of shape (n, …) and (m, …) with additional values.
-    components
-        Whether the work depends on connected components.
-    boxes
-        Patches to process, by `MeshPatch.box`; None selects all patches.
+    The work is a picklable function, called with a `MeshPatch` and its rows of the arrays `vertices`, (n, …), and
+    `faces`, (m, …), which it must not change. If it raises `TooNarrow`, it is repeated with a halo of twice the width.
+    Its receptive field is the number of edges around the corners of a face that affect its result. It may also depend
+    on `facts`, properties of the whole mesh such as "mean_edge_length", and on connected components. The boxes are the
+    patches to process, by `MeshPatch.box`; None selects all patches.
     """
     known = {name: float(getattr(mesh, name)) for name in facts}
     labels = mesh.topology.components if components else None
@@ -140,20 +117,9 @@ def each_patch(
 
 
 def face_rows(mesh: Mesh, work: Callable[..., NDArray[Any]], *, receptive_field: int, **given: Any) -> NDArray[Any]:
-    """Compute a row for each face, patch by patch if requested with `working_in_patches`.
+    """Compute a row for each face, (m, …), patch by patch if requested with `working_in_patches`.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
-    work
-        As in `each_patch`; returns a row for each face of the patch. Rows of faces in the halo may be wrong.
-    receptive_field, given
-        As in `each_patch`.
-
-    Returns
-    -------
-    (m, …) rows.
+    The work is as in `each_patch` and returns a row for each face of the patch. Rows of faces in the halo may be wrong.
     """
     patching = active_patching(mesh)
     if patching is None:
@@ -176,25 +142,10 @@ def moved_in_patches(
     receptive_field: int,
     components: bool,
 ) -> Vectors:
-    """Move vertices patch by patch.
+    """Move (n, 3) vertices patch by patch; a vertex without a face stays in place.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    patching
-        Settings for work in patches.
-    work
-        As in `each_patch`, called with the patch and its rows of `vertices`; returns their new positions, (k, 3).
-        Positions in the halo may be wrong.
-    vertices
-        (n, 3) original positions; a vertex without a face stays in place.
-    receptive_field, components
-        As in `each_patch`.
-
-    Returns
-    -------
-    (n, 3) new positions.
+    The work is as in `each_patch`, called with the patch and its rows of `vertices`, and returns their new positions,
+    (k, 3). Positions in the halo may be wrong.
     """
     out = vertices.copy()
     inside = partial(_inside_rows, work)
@@ -207,21 +158,10 @@ def moved_in_patches(
 
 
 def normals_by_patches(mesh: Mesh, filtered: Callable[[Mesh], Vectors], *, receptive_field: int) -> Vectors:
-    """Filter face normals, patch by patch if requested with `working_in_patches`.
+    """Filter face normals, (m, 3), patch by patch if requested with `working_in_patches`.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
-    filtered
-        Picklable function that returns the filtered normals of a mesh. A patch has the mean edge length of the whole
-        mesh.
-    receptive_field
-        Receptive field of the filter: the number of edges around the corners of a face that affect its normal.
-
-    Returns
-    -------
-    (m, 3) filtered normals.
+    `filtered` is a picklable function that returns the filtered normals of a mesh; a patch has the mean edge length of
+    the whole mesh. Its receptive field is the number of edges around the corners of a face that affect its normal.
     """
     return face_rows(
         mesh, partial(_filter_patch, filtered), receptive_field=receptive_field, facts=["mean_edge_length"]

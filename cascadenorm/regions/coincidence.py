@@ -17,29 +17,18 @@ MAX_TOLERANCE_EDGES = 0.01
 
 
 class Joined(NamedTuple):
-    """Meshes joined at coincident vertices.
+    """Meshes joined at coincident vertices."""
 
-    Parameters
-    ----------
-    mesh
-        Mesh with the faces of all meshes in order. Coincident vertices occur once, at the position of the first.
-    vertices
-        (k,) vertex of `mesh` for each vertex of the original meshes, one mesh after the other.
-    """
-
-    mesh: Mesh
-    vertices: Ints
+    mesh: Mesh  # the faces of all meshes in order. Coincident vertices occur once, at the position of the first
+    vertices: Ints  # (k,) vertex of `mesh` for each vertex of the original meshes, one mesh after the other
 
 
 def coincident_vertices(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
     """Find the vertices of different meshes that coincide within rounding.
 
-    Vertices of the same mesh are joined only if both coincide with a vertex of another mesh.
-
-    Returns
-    -------
-    (k,) first coincident vertex of each vertex, one mesh after the other; and the group of each mesh, where meshes with
-    coincident vertices belong to the same group.
+    Vertices of the same mesh are joined only if both coincide with a vertex of another mesh. Returns the (k,) first
+    coincident vertex of each vertex, one mesh after the other; and the group of each mesh, where meshes with coincident
+    vertices belong to the same group.
     """
     # Pairs of used vertices of different meshes within the tolerance
     counts = [len(mesh.vertices) for mesh in meshes]
@@ -58,15 +47,7 @@ def coincident_vertices(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
 
 
 def join_meshes(meshes: Sequence[Mesh], first: Ints) -> Joined:
-    """Join meshes into one.
-
-    Parameters
-    ----------
-    meshes
-        Meshes with k vertices in total.
-    first
-        (k,) first coincident vertex of each vertex, as returned by `coincident_vertices`.
-    """
+    """Join meshes into one at the (k,) first coincident vertices that `coincident_vertices` returns."""
     kept = first == np.arange(len(first))
     vertices = (np.cumsum(kept) - 1)[first]
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])

@@ -12,26 +12,12 @@ TOLERANCE = 1e-12  # relative to the largest volume
 
 
 def with_region_volumes(shells: Shells, mesh: Mesh, vertices: Vectors, *, weights: Floats) -> Vectors:
-    """Restore the volume of each closed region by offsetting the walls along their normals.
+    """Restore the volume of each closed region by offsetting the (n, 3) vertices of walls along their normals.
 
-    Each region has one unknown. The offset of a wall is the difference between the unknowns of its two regions, so one
-    region gains the volume that the other loses. Newton's method solves for the unknowns, with one linear equation per
-    region.
-
-    Parameters
-    ----------
-    shells
-        Shells of the walls.
-    mesh
-        Original walls with n vertices.
-    vertices
-        (n, 3) current positions of their vertices.
-    weights
-        (n,) weight of the offset at each vertex; vertices with weight 0 stay in place.
-
-    Returns
-    -------
-    (n, 3) vertices; `vertices` itself if the volumes cannot be restored.
+    The offset has a weight, (n,), at each vertex; vertices with weight 0 stay in place. Each region has one unknown.
+    The offset of a wall is the difference between the unknowns of its two regions, so one region gains the volume that
+    the other loses. Newton's method solves for the unknowns, with one linear equation per region. `mesh` has the
+    original walls. Returns `vertices` itself if the volumes cannot be restored.
     """
     before = shells.of(mesh)
     parts = _closed(before)

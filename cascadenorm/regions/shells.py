@@ -19,42 +19,20 @@ Pattern = tuple[int, ...]
 
 
 class Shells(NamedTuple):
-    """The shells of all regions as one mesh; each wall occurs twice, once per side, with separate vertices.
+    """The shells of all regions as one mesh; each wall occurs twice, once per side, with separate vertices."""
 
-    Parameters
-    ----------
-    mesh
-        Mesh with k vertices and q faces; each shell is oriented outward from its region.
-    owners
-        (k,) wall vertex that each vertex is a copy of.
-    faces
-        (q,) wall face that each face is a copy of.
-    flipped
-        (q,) whether each face is oriented opposite to its wall face.
-    junctions
-        (j, 2) vertices of the junction edges, where three or more walls meet.
-    """
-
-    mesh: Mesh
-    owners: Ints
-    faces: Ints
-    flipped: Bools
-    junctions: Ints32
+    mesh: Mesh  # k vertices and q faces; each shell is oriented outward from its region
+    owners: Ints  # (k,) wall vertex that each vertex is a copy of
+    faces: Ints  # (q,) wall face that each face is a copy of
+    flipped: Bools  # (q,) whether each face is oriented opposite to its wall face
+    junctions: Ints32  # (j, 2) vertices of the junction edges, where three or more walls meet
 
     def of(self, mesh: Mesh) -> Mesh:
         """Return the shells with other positions of the wall vertices."""
         return self.mesh.moved(mesh.vertices[self.owners])
 
     def of_edges(self, mesh: Mesh, marked: Bools) -> Bools:
-        """Return whether each edge of the shells is a copy of a marked wall edge.
-
-        Parameters
-        ----------
-        mesh
-            The walls.
-        marked
-            (e,) bool, whether each edge of `mesh` is marked.
-        """
+        """Return whether each edge of the shells is a copy of an edge of the walls that is marked in (e,) bool."""
         edges, count = mesh.topology.edges.astype(np.int64), len(mesh.vertices)
         copies = np.sort(self.owners[self.mesh.topology.edges], axis=1)
         places = np.searchsorted(edges[:, 0] * count + edges[:, 1], copies[:, 0] * count + copies[:, 1])
@@ -82,25 +60,18 @@ def split_into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
 
 
 def shells(mesh: Mesh) -> Shells | None:
-    """Return the shells of a mesh in which regions share walls.
+    """Return the shells of a mesh in which regions share walls; None if no component is divided.
 
     A component is divided into shells only if it has an edge where an odd number of walls separates three or more
     regions. Non-manifold edges of other components occur where bodies touch themselves or each other. On divided
-    components, one of several faces on the same three vertices is kept.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces, consistently oriented on each wall, as returned by `oriented`.
-
-    Returns
-    -------
-    The shells; None if no component is divided.
+    components, one of several faces on the same three vertices is kept. Each wall must be consistently oriented, as by
+    `oriented`.
     """
     if (mesh.topology.edge_faces.counts < 3).all():
         return None
     distinct = _first_duplicates(mesh.faces)
-    junctions = _junctions(mesh, distinct)
+    counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
+    junctions = np.flatnonzero(counts >= 3)
     if not len(junctions):
         return None
     wall = np.unique(oriented_patches(mesh).patch, return_inverse=True)[1]
@@ -118,12 +89,6 @@ def shells(mesh: Mesh) -> Shells | None:
     return Shells(*parts, edges[divided[component[edges[:, 0]]]])
 
 
-def _junctions(mesh: Mesh, distinct: Bools) -> Ints:
-    """Return the edges with three or more faces, counting duplicate faces once."""
-    counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
-    return np.flatnonzero(counts >= 3)
-
-
 def _regions_at(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[Ints, Bools]:
     """Return the region of each wall side, and whether an odd number of walls separates three regions at each junction.
 
@@ -136,11 +101,7 @@ def _regions_at(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tup
 
 
 def _side_by_side(
-    mesh: Mesh,
-    inside: Bools,
-    distinct: Bools,
-    ahead: Ints,
-    behind: Ints,
+    mesh: Mesh, inside: Bools, distinct: Bools, ahead: Ints, behind: Ints
 ) -> tuple[Mesh, Ints, Ints, Bools]:
     """Copy faces for the regions in front of and behind them.
 
@@ -191,11 +152,8 @@ def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern
     """Join the wall sides that share a wedge into regions.
 
     Noise changes the order of walls around some edges. Patterns are therefore applied in the order of their votes, and
-    a pattern that would join the two sides of a wall is skipped, since walls separate regions.
-
-    Returns
-    -------
-    (2 walls,) region of each side, and the patterns that were applied.
+    a pattern that would join the two sides of a wall is skipped, since walls separate regions. Returns the (2 walls,)
+    region of each side, and the patterns that were applied.
     """
     region = np.arange(2 * walls)
     sides = [[side] for side in range(2 * walls)]  # sides of each region
@@ -248,10 +206,8 @@ def _wedges(pattern: Pattern) -> list[tuple[int, int]]:
 def _sorted_around_edge(vertices: Floats, faces: Ints32, around: Ints32, a: int, b: int) -> tuple[Ints, Ints, float]:
     """Sort the faces at an edge by angle, counterclockwise when viewed against the direction from a to b.
 
-    Returns
-    -------
-    (k,) order of the faces; (k,) 1 if a face traverses the edge from a to b, else 0; and the smallest angle between
-    consecutive faces.
+    Returns the (k,) order of the faces; (k,) 1 if a face traverses the edge from a to b, else 0; and the smallest angle
+    between consecutive faces.
     """
     # The direction of each face perpendicular to the edge; angles are measured from the first
     angles, runs = np.zeros(len(around)), np.zeros(len(around), np.int64)

@@ -13,26 +13,13 @@ DIRECTION_PASSES, VERTEX_PASSES = 2, 60
 
 
 def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Join the shells of regions by finding one position for each wall vertex.
+    """Join the shells of regions, with (k, 3) denoised vertices, by finding one position for each of n wall vertices.
 
     A method moves the two copies of a wall almost identically, except at junctions, where each shell bends differently.
     Each vertex therefore gets the mean displacement of its copies, and each face the mean normal of its two sides. The
     vertices at and next to junctions are then fitted to these normals, which moves junction curves to the intersection
-    of their walls. Finally, the curves are smoothed, and the vertices next to them are fitted again.
-
-    Parameters
-    ----------
-    shells
-        Shells with k copies of vertices.
-    mesh
-        Walls before denoising, n vertices.
-    vertices
-        (k, 3) denoised positions of the copies.
-
-    Returns
-    -------
-    (n, 3) positions. Vertices without a moved copy stay in place. Joining flips no faces, except to undo foldovers in
-    the shells.
+    of their walls. Finally, the curves are smoothed, and the vertices next to them are fitted again. Vertices without a
+    moved copy stay in place. Joining flips no faces, except to undo foldovers in the shells.
     """
     # The mean displacement of the copies, and the mean normal of the sides
     count = len(mesh.vertices)

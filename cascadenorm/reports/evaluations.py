@@ -1,6 +1,6 @@
 """Evaluations as HTML: one page with tables and figures, and a page with the viewer for each pair."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from os import PathLike
@@ -65,14 +65,8 @@ def report_evaluation(
     """Write an evaluation as an HTML page, and beside it a folder with a page for each pair.
 
     The folder has the name of the page, with `_files` instead of the extension. `progress` is called with (task, pairs
-    done, total pairs, next pair).
-
-    Raises
-    ------
-    ParameterError
-        The evaluation kept no meshes, as `evaluate` with `keep` does.
-    OutputError
-        The file exists and force is not given, or it cannot be written.
+    done, total pairs, next pair). Raises ParameterError if the evaluation kept no meshes, as `evaluate` with `keep`
+    does, and OutputError if the file exists and force is not given, or if it cannot be written.
     """
     folder = check_evaluation(output, force=force)
     if done.records is None:
@@ -185,13 +179,9 @@ def _viewer(shown: _Shown) -> Mapping[str, object]:
 
 
 def _table(one: tables.Table) -> str:
-    """Return a table with its best cells in bold."""
-    return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=_bold(one.rows), numbers=True)
-
-
-def _bold(rows: Iterable[Sequence[tables.Cell]]) -> set[tuple[int, int]]:
-    """Return the row, counted from 1 after the head, and the column of the best cells."""
-    return {(i, j) for i, row in enumerate(rows, start=1) for j, cell in enumerate(row) if cell.best}
+    """Return a table with its best cells in bold; the head is row 0."""
+    best = {(i, j) for i, row in enumerate(one.rows, start=1) for j, cell in enumerate(row) if cell.best}
+    return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=best, numbers=True)
 
 
 def _failures(failures: Sequence[FailedRun]) -> str:

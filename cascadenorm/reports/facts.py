@@ -114,8 +114,8 @@ def version_rows(done: DenoisingSummary | None) -> Rows:
     rows += [(name, version(name)) for name in LIBRARIES]
     if done is not None:
         rows.append(("seed", "none; no random numbers are used, and the number of threads has no effect"))
-        weights = _weights(done)
-        if weights is not None:
+        if "model" in find(done.method).settings:
+            weights = weights_file(done.method, done.parameters.get("model"))
             rows.append((f"weights of {done.method}", f"SHA-256 {file_digest(weights)}"))
     return rows
 
@@ -153,7 +153,8 @@ def python_call(done: DenoisingSummary | Recipe) -> str:
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}
     arguments = [repr(done.source), repr(done.output), f"method={done.method!r}"]
     if done.parameters:
-        arguments.append(f"parameters={ {name: _plain(value) for name, value in done.parameters.items()}!r}")
+        plain = {name: str(value) if isinstance(value, Path) else value for name, value in done.parameters.items()}
+        arguments.append(f"parameters={plain!r}")
     arguments += [f"{name}={value!r}" for name, value in settings.items()]
     return f"import cascadenorm as cn\n\ncn.denoise_file({', '.join(arguments)})"
 
@@ -175,20 +176,9 @@ def count_of(found: Found | None) -> str:
     return "not checked" if found is None else f"{found.count:,}"
 
 
-def _plain(value: Any) -> Any:
-    return str(value) if isinstance(value, Path) else value
-
-
 def _setting(value: object) -> str:
     return "none" if value is None else str(value)
 
 
 def _number(value: float | None) -> str:
     return "none" if value is None else f"{value:.6g}"
-
-
-def _weights(done: DenoisingSummary) -> Path | None:
-    """Return the weights file of a learned method."""
-    if "model" not in find(done.method).settings:
-        return None
-    return weights_file(done.method, done.parameters.get("model"))

@@ -1,6 +1,6 @@
 """The figures that a report leads with: noise, angle, volume, self-intersections and spikes, before and after."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,13 +20,20 @@ Measured = Sequence[tuple[Given, Measures]]
 def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[Tile]:
     """Return the tiles at the top of a report; values of two meshes stand as before → after."""
     found = [inspection for _, inspection in inspected]
+    noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
+    if done is not None:
+        note = f"mean edge lengths on average, {done.largest_displacement:.3g} at most"
+        last = Tile("Displacement", (f"{done.mean_displacement:.3g}",), note)
+    else:
+        vertices = "vertex" if found[-1].vertices == 1 else "vertices"
+        last = Tile("Faces", (f"{found[-1].faces:,}",), f"{found[-1].vertices:,} {vertices}")
     return [
-        Tile("Noise", _each(found, lambda one: _noise(one.noise)), "mean edge lengths"),
+        Tile("Noise", tuple(noise), "mean edge lengths"),
         *_angle(inspected, measured),
         _volume(found),
-        Tile("Self-intersecting faces", _each(found, lambda one: count_of(one.crossing_faces))),
-        Tile("Spikes", _each(found, lambda one: count_of(one.spikes)), "vertices"),
-        _moved(done) if done is not None else _size(found[-1]),
+        Tile("Self-intersecting faces", tuple(count_of(one.crossing_faces) for one in found)),
+        Tile("Spikes", tuple(count_of(one.spikes) for one in found), "vertices"),
+        last,
     ]
 
 
@@ -42,14 +49,6 @@ def headline(inspected: Inspected, done: DenoisingSummary | None) -> list[str]:
     if done is not None:
         parts.append(f"Method: {done.method}, {done.seconds:.1f} s.")
     return [" ".join(parts)] if parts else []
-
-
-def _each(found: Sequence[Inspection], text: Callable[[Inspection], str]) -> tuple[str, ...]:
-    return tuple(text(one) for one in found)
-
-
-def _noise(noise: float | None) -> str:
-    return "unknown" if noise is None else f"{noise:.2g}"
 
 
 def _angle(inspected: Inspected, measured: Measured) -> list[Tile]:
@@ -77,13 +76,3 @@ def _volume(found: Sequence[Inspection]) -> Tile:
         change = 100 * (known[1] / known[0] - 1)
         return Tile("Volume", (f"{change:+.2f} %".replace("-", "−"),), f"{known[0]:.5g} → {known[1]:.5g} mesh units³")
     return Tile("Volume", (f"{known[-1]:.5g}",), "mesh units³")
-
-
-def _moved(done: DenoisingSummary) -> Tile:
-    note = f"mean edge lengths on average, {done.largest_displacement:.3g} at most"
-    return Tile("Displacement", (f"{done.mean_displacement:.3g}",), note)
-
-
-def _size(found: Inspection) -> Tile:
-    vertices = "vertex" if found.vertices == 1 else "vertices"
-    return Tile("Faces", (f"{found.faces:,}",), f"{found.vertices:,} {vertices}")

@@ -2,6 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -87,15 +88,13 @@ def described(mesh: Mesh) -> str:
         f"{len(mesh.vertices):,} vertices, {len(mesh.faces):,} faces, mean edge length {mesh.mean_edge_length:.4g}, "
         f"bounding box {' × '.join(f'{side:.4g}' for side in np.ptp(mesh.vertices, axis=0))}"
     )
-    caption = f"<figcaption>{escape(words)}</figcaption>"
-    if len(mesh.faces) > MOST_FACES:
-        return f"<figure>{caption}</figure>"
-    try:
-        (scaled,) = scaled_alike(mesh)
-        data = b64encode(png(render(scaled, size=(SMALL, SMALL), transparent=True))).decode("ascii")
-    except MeshError:
-        return f"<figure>{caption}</figure>"
-    return f'<figure><img src="data:image/png;base64,{data}" alt="The mesh" width="{SMALL}">{caption}</figure>'
+    picture = ""
+    if len(mesh.faces) <= MOST_FACES:
+        with suppress(MeshError):
+            (scaled,) = scaled_alike(mesh)
+            data = b64encode(png(render(scaled, size=(SMALL, SMALL), transparent=True))).decode("ascii")
+            picture = f'<img src="data:image/png;base64,{data}" alt="The mesh" width="{SMALL}">'
+    return f"<figure>{picture}<figcaption>{escape(words)}</figcaption></figure>"
 
 
 def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[str, Field | None]:

@@ -9,15 +9,9 @@ from cascadenorm.inspection import Inspection
 from cascadenorm.reports.given import Given
 
 AT_FACES = {
-    "bad_indices",
-    "repeated_corners",
-    "inside_out",
-    "zero_area",
-    "slivers",
-    "duplicate_faces",
-    "crossing_faces",
+    "bad_indices", "repeated_corners", "inside_out", "zero_area", "slivers", "duplicate_faces", "crossing_faces",
     "small_components",
-}
+}  # fmt: skip
 """Findings that are located at faces; the others are at vertices or edges."""
 
 

@@ -1,16 +1,12 @@
 """Plots of an evaluation as SVG elements, in the colours of the page."""
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.render import inline_svg
 from cascadenorm.render.style import ACCENTS, INK, drawing
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 QUANTILES = {"whislo": 0.05, "q1": 0.25, "med": 0.5, "q3": 0.75, "whishi": 0.95}
 """Ends of the whiskers and of the box, and the line in it, as matplotlib calls them."""
@@ -29,8 +25,14 @@ def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
         {name: float(np.quantile(np.asarray(values), share)) for name, share in QUANTILES.items()}
         for values in rows.values()
     ]
+    medians = [f"{name}: median {box['med']:.2f}" for name, box in zip(rows, boxes, strict=True)]
+    names = [name.replace("\n", " ") for name in rows]
+    with drawing("".join([*names, title, label])):
+        from matplotlib.figure import Figure
 
-    def draw(axes: "Axes") -> None:
+        size = WIDTH / 72, (BESIDES + ROW * len(names)) / 72
+        figure = Figure(size, dpi=72, layout="constrained")  # a point is a pixel
+        axes = figure.subplots()
         axes.bxp(
             boxes,
             positions=range(len(boxes)),
@@ -43,21 +45,6 @@ def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
             whiskerprops={"color": INK},
             medianprops={"color": ACCENTS[0], "linewidth": 2.5},
         )
-
-    medians = [f"{name}: median {box['med']:.2f}" for name, box in zip(rows, boxes, strict=True)]
-    return _plot(rows, title, label, draw, f"{title}. {'; '.join(medians)}")
-
-
-def _plot(rows: Mapping[str, ArrayLike], title: str, label: str, draw: Callable[["Axes"], None], about: str) -> str:
-    """Draw a plot with a row for each name, and values from zero to the right."""
-    names = [name.replace("\n", " ") for name in rows]
-    with drawing("".join([*names, title, label])):
-        from matplotlib.figure import Figure
-
-        size = WIDTH / 72, (BESIDES + ROW * len(names)) / 72
-        figure = Figure(size, dpi=72, layout="constrained")  # a point is a pixel
-        axes = figure.subplots()
-        draw(axes)
         axes.set_title(title, size=FONT, loc="left")
         axes.set_xlabel(label, size=FONT)
         axes.set_yticks(range(len(names)), names)
@@ -66,4 +53,4 @@ def _plot(rows: Mapping[str, ArrayLike], title: str, label: str, draw: Callable[
         axes.grid(axis="x", color=INK, alpha=0.2)
         axes.spines[:].set_visible(False)
         axes.patch.set_visible(False)
-    return inline_svg(figure, about)
+    return inline_svg(figure, f"{title}. {'; '.join(medians)}")

@@ -46,15 +46,7 @@ class Json(JSONResponse):
 
 
 class Application:
-    """The requests of the page.
-
-    Parameters
-    ----------
-    session
-        State shared by the pages.
-    uploads
-        Storage for dropped files.
-    """
+    """The requests of the page, with the state that pages share and the storage for dropped files."""
 
     def __init__(self, session: Session, uploads: Uploads) -> None:
         self._session, self._uploads = session, uploads
@@ -80,21 +72,22 @@ class Application:
             "/api/saved/{number:int}": ("GET", self.saved),
             "/api/download": ("POST", self.download),
         }
-        routes = [
-            Route(path, self._counted(_answering(handler)), methods=[method])
-            for path, (method, handler) in asked.items()
-        ]
-        assets = [Route(path, self._counted(_asset(*asset)), methods=["GET"]) for path, asset in ASSETS.items()]
-        return [*routes, *assets]
+        asked |= {path: ("GET", _asset(*asset)) for path, asset in ASSETS.items()}
+        return [Route(path, self._answering(handler), methods=[method]) for path, (method, handler) in asked.items()]
 
-    def _counted(self, handler: Handler) -> Handler:
-        """Count requests, so that the server notices a page that is loading."""
+    def _answering(self, handler: Handler) -> Handler:
+        """Count requests, so that the server notices a page that is loading, and return errors as JSON responses."""
 
-        async def counted(request: Request) -> Response:
+        async def answering(request: Request) -> Response:
             self._session.requests += 1
-            return await handler(request)
+            try:
+                return await handler(request)
+            except RequestFailed as error:
+                return Json(error.content, 400)
+            except CascadenormError as error:
+                return Json({"error": error.message(spelled)}, 413 if isinstance(error, TooLarge) else 400)
 
-        return counted
+        return answering
 
     async def form(self, _: Request) -> Response:
         """Return the methods and controls."""
@@ -160,7 +153,7 @@ class Application:
 
     async def kept_paint(self, _: Request) -> Response:
         """Return the paint on the open mesh, for a page that was discarded or reloaded."""
-        return Response(self._session.paint_kept, media_type="application/octet-stream")
+        return Response(self._session.painted, media_type="application/octet-stream")
 
     async def leave(self, _: Request) -> Response:
         """Record that the page was closed; a page that disconnects without this was discarded and may return."""
@@ -209,9 +202,7 @@ class Application:
         done = await self._session.ask("download", settings=_of(given), name=name)
         about = {key: done[key] for key in ("name", "files", "left_out", "command", "python")}
         return Response(
-            done["content"],
-            media_type="application/octet-stream",
-            headers={"x-about": quote(json.dumps(about))},
+            done["content"], media_type="application/octet-stream", headers={"x-about": quote(json.dumps(about))}
         )
 
     def _known_drop(self, drop: Any) -> int:
@@ -234,22 +225,6 @@ def _asset(name: str, kind: str) -> Handler:
         return Response(content, media_type=kind)
 
     return handler
-
-
-def _answering(handler: Handler) -> Handler:
-    """Return errors as JSON responses."""
-
-    async def answering(request: Request) -> Response:
-        try:
-            return await handler(request)
-        except RequestFailed as error:
-            return Json(error.content, 400)
-        except TooLarge as error:
-            return Json({"error": error.message(spelled)}, 413)
-        except CascadenormError as error:
-            return Json({"error": error.message(spelled)}, 400)
-
-    return answering
 
 
 async def _body(request: Request, most: int) -> bytes:

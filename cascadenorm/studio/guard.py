@@ -23,20 +23,11 @@ HEADERS = {
 
 
 class Guard:
-    """An application whose requests are checked first.
+    """An application, on a port of this machine, whose requests are checked first.
 
     `Host` must be this machine, which it is not after DNS rebinding. `Origin`, if it is sent, must be the studio's own
     page, and requests that change something must send it (CSRF). Requests under /api must carry the token, which only
     the printed address contains.
-
-    Parameters
-    ----------
-    app
-        The application.
-    port
-        Port of the server.
-    token
-        Secret in the printed address.
     """
 
     def __init__(self, app: ASGIApp, *, port: int, token: str) -> None:

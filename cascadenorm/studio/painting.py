@@ -16,10 +16,7 @@ FREE, PINNED = 0, 255
 def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
     """Return (n,) codes for a mesh from those of its displayed vertices.
 
-    Raises
-    ------
-    ParameterError
-        The number of codes is not that of the displayed vertices, or a code is invalid.
+    Raises ParameterError if the number of codes is not that of the displayed vertices, or if a code is invalid.
     """
     given = np.frombuffer(codes, np.uint8)
     if len(given) != len(shown.kept_vertices):
@@ -45,12 +42,9 @@ def has_paint(paint: NDArray[np.uint8]) -> dict[str, bool]:
 
 
 def with_paint(controls: Controls, paint: NDArray[np.uint8]) -> Controls:
-    """Return controls in which mask and fixed are arrays that include the paint.
+    """Return controls, with mask and fixed as arrays or None, in which both are arrays that include the paint.
 
-    Parameters
-    ----------
-    controls
-        Controls with mask and fixed as arrays or None. Weights are multiplied; vertices fixed by either stay.
+    Weights are multiplied; vertices fixed by either stay.
     """
     found = controls.copy()
     pinned = paint == PINNED

@@ -25,17 +25,11 @@ class Requests:
         return self._opened
 
     def done(self, kind: str, given: dict[str, Any], listener: Listener, preview: Callable[[bytes], object]) -> Any:
-        """Handle a request.
+        """Handle a request of a kind with the given arguments.
 
-        Parameters
-        ----------
-        kind
-            "form"; "which" of several file names is a mesh, by its number; "open" a mesh; of the open one "paint",
-            "denoise", "save", "download", "recipe".
-        given
-            The arguments.
-        listener, preview
-            Called with the fraction done, and with the scene of a coarse mesh.
+        "form" describes the methods; "which" of several file names is a mesh, by its number; "open" opens a mesh; of
+        the open one there are "paint", "denoise", "save", "download" and "recipe". `listener` is called with the
+        fraction done, and `preview` with the scene of a coarse mesh.
         """
         match kind:
             case "form":

@@ -28,19 +28,9 @@ def save(
 ) -> dict[str, Any]:
     """Write the result, and the paint beside it.
 
-    Returns
-    -------
-    file, files
-        The path as it was given, and the absolute paths of all files that were written.
-    left_out
-        What the format cannot hold, in words.
-    command, python
-        Text that makes the file again.
-
-    Raises
-    ------
-    OutputError
-        A file exists and force is not given, it cannot be written, or its name has no extension.
+    Returns `file`, the path as it was given; `files`, the absolute paths of all files that were written; `left_out`,
+    what the format cannot hold, in words; and `command` and `python`, text that makes the file again. Raises
+    OutputError if a file exists and force is not given, it cannot be written, or its name has no extension.
     """
     asked, result = bench.asked(settings), bench.result(settings, listener)
     painted = _painted(bench, asked, target)
@@ -93,17 +83,10 @@ def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: List
 
 
 def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, Any]:
-    """Return the command line and the Python call that reproduce a file.
+    """Return `command` and `python`, the command line and the Python call that reproduce a file.
 
-    Returns
-    -------
-    command, python
-        Text; painted : names of the files beside the result that these read, which `save` writes.
-
-    Raises
-    ------
-    OutputError
-        The name has no extension of a format that is written.
+    `painted` are the names of the files beside the result that these read, which `save` writes. Raises OutputError if
+    the name has no extension of a format that is written.
     """
     io.output_format(target.name)
     asked = bench.asked(settings)

@@ -33,8 +33,10 @@ class Session:
         self._numbers = count(1)
         self._waiting: dict[int, tuple[Request, asyncio.Future[Any], float]] = {}
         self._pages: set[asyncio.Queue[Event]] = set()
-        self._file: tuple[Path, str] | None = None
-        self._paint: bytes | None = None
+        self.file: tuple[Path, str] | None = None
+        """The path of the open file, and its name in messages."""
+        self.painted = b""
+        """The paint on the open mesh, one code for each displayed vertex; empty if there is none."""
         self.opened: Event | None = None
         self.scenes: dict[int, bytes] = {}
         self.requests = 0
@@ -52,22 +54,17 @@ class Session:
     async def form(self) -> dict[str, Any]:
         """Return the description of the form; raise RequestFailed if the worker ends first."""
         if self._form is None:
-            self._form = await self._ask("form")
+            self._form = await self.ask("form")
         return self._form
 
     async def open(self, path: Path, name: str, *, saves: bool) -> None:
         """Replace the open mesh by another file; if RequestFailed is raised, it stays open.
 
-        Parameters
-        ----------
-        name
-            In messages and commands.
-        saves
-            Whether results can be saved beside it.
+        The name is that in messages and commands. `saves` tells whether results can be saved beside the file.
         """
         self.cancel()
-        about = await self._ask("open", path=str(path), name=name)
-        self._file, self._paint, self.scenes = (path, name), None, {}
+        about = await self.ask("open", path=str(path), name=name)
+        self.file, self.painted, self.scenes = (path, name), b"", {}
         self.opened = {"type": "opened", **about, "saves": saves, "scene": self._keep(about["scene"])}
         self._tell(self.opened)
 
@@ -93,22 +90,13 @@ class Session:
     async def paint(self, codes: bytes) -> None:
         """Set the paint and cancel running work."""
         self.cancel()
-        await self._ask("paint", codes=codes)
-        self._paint = codes
+        await self.ask("paint", codes=codes)
+        self.painted = codes
 
     async def ask(self, kind: str, **arguments: Any) -> Any:
-        """Return the worker's answer to a save, download or recipe request; raises RequestFailed."""
-        return await self._ask(kind, **arguments)
-
-    @property
-    def paint_kept(self) -> bytes:
-        """The paint on the open mesh, one code for each displayed vertex; empty if there is none."""
-        return self._paint or b""
-
-    @property
-    def file(self) -> tuple[Path, str] | None:
-        """The path of the open file, and its name in messages."""
-        return self._file
+        """Return the worker's answer to a request; raises RequestFailed."""
+        number = self._send(kind, **arguments)
+        return await self._waiting[number][1]
 
     def close(self) -> None:
         """End the worker."""
@@ -153,15 +141,8 @@ class Session:
     # the worker
 
     def _started(self) -> Channel:
-        loop = asyncio.get_running_loop()
-
-        def heard(reply: Reply) -> None:
-            loop.call_soon_threadsafe(self._heard, reply)
-
-        def ended(error: WorkerError) -> None:
-            loop.call_soon_threadsafe(self._ended, error)
-
-        return Channel(heard, ended)
+        soon = asyncio.get_running_loop().call_soon_threadsafe
+        return Channel(lambda reply: soon(self._heard, reply), lambda error: soon(self._ended, error))
 
     def _send(self, kind: str, **arguments: Any) -> int:
         worker = self._ready()
@@ -176,16 +157,12 @@ class Session:
         """Return the worker; if there is none, start one and open the current file in it."""
         if self._worker is None:
             self._worker = self._started()
-            if self._file is not None:
-                path, name = self._file
+            if self.file is not None:
+                path, name = self.file
                 self._send("open", path=str(path), name=name)
-                if self._paint is not None:
-                    self._send("paint", codes=self._paint)
+                if self.painted:
+                    self._send("paint", codes=self.painted)
         return self._worker
-
-    async def _ask(self, kind: str, **arguments: Any) -> Any:
-        number = self._send(kind, **arguments)
-        return await self._waiting[number][1]
 
     def _cancel_before(self, number: int) -> None:
         if self._worker is not None:

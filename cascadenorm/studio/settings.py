@@ -48,17 +48,9 @@ def form() -> dict[str, Any]:
 
 
 def chosen(given: Mapping[str, Any]) -> Chosen:
-    """Parse the settings of a request.
+    """Parse the settings of a request: the name of the method, and parameters and controls by name, as numbers or text.
 
-    Parameters
-    ----------
-    given
-        Name of the method, and parameters and controls by name, as numbers or text.
-
-    Raises
-    ------
-    ParameterError
-        A name is unknown, or a value is out of range or names a file.
+    Raises ParameterError if a name is unknown, or a value is out of range or names a file.
     """
     method = find(str(given.get("method", DEFAULT_METHOD)))
     parameters, controls = (_plain(given.get(kind, {})) for kind in ("parameters", "controls"))

@@ -13,14 +13,9 @@ class TooLarge(ReadError):
 
 
 class Uploads:
-    """Folders for files that were dropped together, such as an OBJ file with its materials.
+    """Folders, each in `folder`, for files that were dropped together, such as an OBJ file with its materials.
 
-    Parameters
-    ----------
-    folder
-        Folder with a subfolder for each drop.
-    most
-        Largest number of bytes of all drops together, except the open one.
+    All drops together, except the open one, have at most `most` bytes.
     """
 
     def __init__(self, folder: Path, *, most: int) -> None:
@@ -34,12 +29,8 @@ class Uploads:
     async def take(self, drop: int, name: object, parts: AsyncIterator[bytes], *, announced: int) -> None:
         """Write a file as it is received.
 
-        Raises
-        ------
-        TooLarge
-            The dropped files that are not open have too many bytes. Nothing of the file is kept.
-        OutputError
-            The name has folders, or the file cannot be written.
+        Raises TooLarge if the dropped files that are not open have too many bytes, and keeps nothing of the file then.
+        Raises OutputError if the name has folders, or if the file cannot be written.
         """
         path = self.path(drop, name)
         path.parent.mkdir(exist_ok=True)

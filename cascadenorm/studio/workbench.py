@@ -43,20 +43,11 @@ def suggested_name(file: io.MeshFile, name: Path) -> str:
 
 
 class Result(NamedTuple):
-    """What a method made of the mesh.
+    """What a method made of the mesh."""
 
-    Parameters
-    ----------
-    vertices
-        (n, 3) new vertices.
-    seconds
-        How long the method took.
-    error, treated_as
-        The kind of error and what `auto` treats the mesh as, as `denoise` prints them. None for other methods.
-    """
-
-    vertices: NDArray[Any]
-    seconds: float
+    vertices: NDArray[Any]  # (n, 3)
+    seconds: float  # how long the method took
+    # error, treated_as: kind of error and what `auto` treats the mesh as, in words; None for other methods
     error: str | None
     treated_as: str | None
 
@@ -72,17 +63,9 @@ class Steps(NamedTuple):
 class Workbench:
     """One mesh file, opened.
 
-    Parameters
-    ----------
-    path
-        Of the file.
-    name
-        Name in messages and commands: the path as the user gave it, or the name of a dropped file.
-
-    Raises
-    ------
-    ReadError, MeshError
-        The file is not a mesh. Vertices that are not finite and faces without vertices are isolated instead.
+    Its name in messages and commands is the path as the user gave it, or the name of a dropped file. Raises ReadError
+    or MeshError if the file is not a mesh. Vertices that are not finite and faces without vertices are isolated
+    instead.
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -132,12 +115,8 @@ class Workbench:
     ) -> dict[str, Any]:
         """Denoise the mesh, a coarse one first if it is large.
 
-        Parameters
-        ----------
-        listener
-            Called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends it.
-        preview
-            Called with a scene of the coarse mesh.
+        `listener` is called with the fraction done, of the coarse mesh and then of the whole one; what it raises ends
+        the work. `preview` is called with a scene of the coarse mesh.
         """
         asked = self.asked(settings)
         if self.coarse is not None and self._key(settings) not in self._results and not self._steps_of(asked).whole:

@@ -44,15 +44,11 @@ class Cancelled(Exception):
 class Channel:
     """Requests to a worker process and its replies; they pass in threads, so that the server never waits for them.
 
-    Parameters
-    ----------
-    heard
-        Called with each reply, in a thread.
-    ended
-        Called when the process has ended by itself, with the error that tells why, in a thread.
+    In a thread, `heard` is called with each reply, and `ended`, with the error that tells why, when the process has
+    ended by itself.
     """
 
-    def __init__(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
+    def __init__(self, heard: Callable[[Reply], object], ended: Callable[[WorkerError], object]) -> None:
         self._oldest = get_context("spawn").Value("q", 0)
         self._worker: Worker[Request, Reply] = Worker(partial(_serve, oldest=self._oldest))
         self._stopped = False
@@ -77,7 +73,7 @@ class Channel:
         while (request := self._waiting.get()) is not None:
             self._worker.send(request)
 
-    def _listen(self, heard: Callable[[Reply], None], ended: Callable[[WorkerError], None]) -> None:
+    def _listen(self, heard: Callable[[Reply], object], ended: Callable[[WorkerError], object]) -> None:
         try:
             while True:
                 heard(self._worker.receive())

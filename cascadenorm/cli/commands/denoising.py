@@ -1,6 +1,7 @@
 """Commands that denoise, repair and inspect meshes."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -113,7 +114,7 @@ def denoise(
         from cascadenorm.cli import json_output
 
         counts = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
-        json_output.print_json("denoise", {**json_output.denoised_json(done), **counts}, file=out)
+        json_output.print_json("denoise", {**asdict(done), **counts}, file=out)
     else:
         tables.print_denoised(done, file=out)
         if report is not None:
@@ -238,7 +239,7 @@ def denoise_regions(
             sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls
         )
     if as_json:
-        json_output.print_json("denoise-regions", {"files": [json_output.denoised_json(one) for one in done]})
+        json_output.print_json("denoise-regions", {"files": [asdict(one) for one in done]})
     else:
         for one in done:
             tables.print_denoised(one, file=sys.stdout)
@@ -270,7 +271,7 @@ def inspect(
 
         found = reports.report(report, mesh, self_intersections=self_intersections, force=force).inspections["mesh"]
     if as_json:
-        json_output.print_json("inspect", json_output.inspected_json(found))
+        json_output.print_json("inspect", asdict(found))
     else:
         tables.print_inspection(found)
         if report is not None:

@@ -28,21 +28,11 @@ Outer = Literal["keep", "fill"]
 
 
 class Holes(NamedTuple):
-    """The boundary loops of a mesh, each as an array of vertices.
+    """The boundary loops of a mesh, each as an array of vertices."""
 
-    Parameters
-    ----------
-    closed
-        Loops that are filled.
-    outer
-        Outer boundaries of open components, which are kept.
-    long
-        Other loops with too many edges, which are kept.
-    """
-
-    closed: list[NDArray[np.int32]]
-    outer: list[NDArray[np.int32]]
-    long: list[NDArray[np.int32]]
+    closed: list[NDArray[np.int32]]  # those that are filled
+    outer: list[NDArray[np.int32]]  # outer boundaries of open components, which are kept
+    long: list[NDArray[np.int32]]  # others with too many edges, which are kept
 
 
 def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, outer: Outer = "keep") -> Mesh:
@@ -87,16 +77,15 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
     holes = _sorted(mesh, max_edges, outer)
     for loop in holes.closed:
         taken = _edges_within(mesh, loop, chords)
-        normals = mesh.face_normals[
-            [beside[b, a] for a, b in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)]
-        ]
+        sides = zip(np.roll(loop, -1).tolist(), loop.tolist(), strict=True)  # in the direction of the faces beside
+        normals = mesh.face_normals[[beside[side] for side in sides]]
         patch = loop[triangulate_loop(mesh.vertices[loop], normals, _places(loop, taken))]
         count = len(vertices)
         vertices, patch = refine(vertices, patch, scale, taken)
         scale = np.concatenate([scale, np.zeros(len(vertices) - count)])
         faces = np.concatenate([faces, patch])
-        sides = np.stack([patch, np.roll(patch, -1, axis=1)], axis=2).reshape(-1, 2)
-        chords = np.concatenate([chords, sides[(sides < len(mesh.vertices)).all(axis=1)]])
+        edges = np.stack([patch, np.roll(patch, -1, axis=1)], axis=2).reshape(-1, 2)
+        chords = np.concatenate([chords, edges[(edges < len(mesh.vertices)).all(axis=1)]])
     patched = Mesh(vertices, faces)
     inside = np.arange(len(vertices)) >= len(mesh.vertices)
     patched = patched.moved(fair(patched, inside, order=1, weights="uniform", iterations=1))
@@ -187,7 +176,7 @@ def _places(loop: NDArray[np.int32], edges: NDArray[np.int64]) -> NDArray[np.int
 
 def _edge_length_around(mesh: Mesh) -> NDArray[np.float64]:
     """Return the (n,) mean edge length at each vertex."""
-    ends = mesh.vertices[mesh.topology.edges]
-    lengths = np.repeat(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 2)
-    edges, n = mesh.topology.edges, len(mesh.vertices)
-    return scatter_add(edges.ravel(), lengths.ravel(), n) / np.maximum(np.bincount(edges.ravel(), minlength=n), 1)
+    ends, n = mesh.topology.edges.ravel(), len(mesh.vertices)
+    along = mesh.vertices[ends[1::2]] - mesh.vertices[ends[::2]]
+    lengths = np.repeat(np.linalg.norm(along, axis=1), 2)
+    return scatter_add(ends, lengths, n) / np.maximum(np.bincount(ends, minlength=n), 1)

@@ -16,23 +16,10 @@ def refine(
 ) -> tuple[Vectors, Faces]:
     """Split the triangles of a patch at their centroids until its edges are about as long as those around it.
 
-    Parameters
-    ----------
-    vertices
-        (n, 3) vertices of the whole mesh.
-    faces
-        (k, 3) faces of the patch; its boundary edges are kept.
-    scale
-        (n,) target edge length around each vertex; new vertices get the mean of the corners.
-    taken
-        (e, 2) edges of the rest of the mesh, which must not be created again.
-
-    Returns
-    -------
-    vertices
-        (n + new, 3) vertices, the given ones first.
-    faces
-        (k + 2 new, 3) faces of the patch.
+    The scale, (n,), is the target edge length around each of the (n, 3) vertices of the whole mesh; new vertices get
+    the mean of the corners. The boundary edges of the (k, 3) faces are kept, and edges that the rest of the mesh has
+    `taken`, (e, 2), are not created again. Returns the (n + new, 3) vertices, the given ones first, and the (k + 2 new,
+    3) faces of the patch.
     """
     faces = _flipped(vertices, faces, taken)
     for _ in range(MOST_ROUNDS):

@@ -12,22 +12,12 @@ LARGEST_OPTIMAL = 300  # vertices of a loop; the optimal triangulation takes cub
 
 
 def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Triangulate a loop with the smallest maximum dihedral angle, then the smallest area.
+    """Triangulate a loop with the smallest maximum dihedral angle, then the smallest area; return (n - 2, 3) points.
 
-    Loops with more than 300 vertices are triangulated by ear clipping, shortest new edge first.
-
-    Parameters
-    ----------
-    points
-        (n, 3) positions, in the direction of the triangles along the loop.
-    outside
-        (n, 3) unit normal of the face across the edge from point k to k + 1.
-    taken
-        (e, 2) pairs of points that are already joined by an edge elsewhere; these edges are avoided if possible.
-
-    Returns
-    -------
-    (n - 2, 3) indices of points.
+    The points, (n, 3), are in the direction of the triangles along the loop. `outside` holds the (n, 3) unit normals of
+    the faces across the edges from point k to k + 1. The (e, 2) pairs of points that are `taken`, joined by an edge
+    elsewhere, are avoided if possible. Loops with more than 300 vertices are triangulated by ear clipping, shortest new
+    edge first.
     """
     n = len(points)
     if n > LARGEST_OPTIMAL:

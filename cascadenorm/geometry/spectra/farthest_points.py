@@ -13,24 +13,13 @@ PROGRESS = 1e-12
 
 
 class UnfoldedFaces(NamedTuple):
-    """Faces unfolded into their planes; side 3f + k of face f joins its corners k and k + 1.
+    """Faces unfolded into their planes; side 3f + k of face f joins its corners k and k + 1."""
 
-    Parameters
-    ----------
-    faces
-        (m, 3).
-    lengths
-        (3m,) lengths of the sides.
-    apexes
-        (3m, 2) third corner of the face in coordinates along and perpendicular to the side, from its first corner.
-    vertex_faces
-        Faces around each vertex.
-    """
-
-    faces: Ints32
-    lengths: Floats
+    faces: Ints32  # (m, 3)
+    lengths: Floats  # (3m,) lengths of the sides
+    # (3m, 2) third corner of the face in coordinates along and perpendicular to the side, from its first corner
     apexes: Floats
-    vertex_faces: Csr
+    vertex_faces: Csr  # faces around each vertex
 
 
 def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints:

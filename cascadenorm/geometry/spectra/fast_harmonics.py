@@ -5,10 +5,10 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.laplacians import cotangent_laplacian
+from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.geometry.spectra.farthest_points import spread_samples
 from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
-from cascadenorm.mesh import Csr, Floats, Ints, Mesh, Vectors, kernel, one_blas_thread, parallel_for
-from cascadenorm.mesh.vectors import length, row, subtract
+from cascadenorm.mesh import Csr, Mesh, one_blas_thread
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # mean number of local functions at a point
@@ -66,53 +66,14 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
 
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> "scipy.sparse.csr_array":
     """Return the (n, d) local functions of the centres, normalised so that rows sum to 1."""
-    neighbors, n = mesh.topology.vertex_neighbors, len(mesh.vertices)
-    parts = parallel_for(len(centers), _local_range, neighbors, mesh.vertices, centers, reach, smallest=16)
-    counts = np.concatenate([counts for counts, _, _ in parts])
-    rows = np.concatenate([found for _, found, _ in parts])
-    values = np.concatenate([weights for _, _, weights in parts])
-    columns = np.repeat(np.arange(len(centers)), counts)
-    functions = scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), (n, len(centers))))
+    n, count = len(mesh.vertices), len(centers)
+    positions, seeds = mesh.vertices[centers], Csr(np.arange(count + 1), centers.astype(np.int32))
+    near = within(positions, np.full(count, reach), mesh.vertices, mesh.topology.vertex_neighbors, seeds)
+    rows, columns = near.indices, near.rows
+    r = np.linalg.norm(mesh.vertices[rows] - positions[columns], axis=1) / reach
+    values = 1 - 3 * r**2 + 2 * r**3
+    functions = scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), (n, count)))
     total = functions.sum(axis=1)
     return scipy.sparse.csr_array(
         scipy.sparse.diags_array(np.divide(1, total, out=np.zeros(n), where=total > 0)) @ functions
     )
-
-
-@kernel
-def _local_range(
-    start: int, stop: int, neighbors: Csr, positions: Vectors, centers: Ints, reach: float
-) -> tuple[Ints, Ints, Floats]:
-    """Return the connected patch within `reach` of each centre as row lengths, vertices and values 1 - 3r² + 2r³."""
-    seen = np.full(len(neighbors.indptr) - 1, -1, np.int64)
-    counts = np.zeros(stop - start, np.int64)
-    found, weights = np.empty(1024, np.int64), np.empty(1024)
-    end = 0
-    for c in range(start, stop):
-        center = centers[c]
-        first, next_one = end, end
-        if end == len(found):
-            found, weights = np.concatenate((found, found)), np.concatenate((weights, weights))
-        # the centre itself, with weight 1
-        seen[center] = c
-        found[end], weights[end] = center, 1.0
-        end += 1
-
-        # breadth first over vertices within reach: this excludes other sheets that are close in space
-        while next_one < end:
-            i = found[next_one]
-            next_one += 1
-            for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
-                j = neighbors.indices[k]
-                if seen[j] == c:
-                    continue
-                seen[j] = c
-                r = length(subtract(row(positions, j), row(positions, center))) / reach
-                if r >= 1:
-                    continue
-                if end == len(found):
-                    found, weights = np.concatenate((found, found)), np.concatenate((weights, weights))
-                found[end], weights[end] = j, 1.0 - 3.0 * r * r + 2.0 * r * r * r
-                end += 1
-        counts[c - start] = end - first
-    return counts, found[:end].copy(), weights[:end].copy()

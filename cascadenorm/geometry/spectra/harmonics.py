@@ -16,6 +16,9 @@ EIGENVALUE_TOLERANCE = 1e-10
 """Relative residual of eigenvalues of the inverse; their error is of the order of its square."""
 RESTARTS = 60  # Lanczos restarts in one band, at most; 2 to 5 are usual
 DENSE = 1200  # vertices up to which a dense solver is used
+TOO_ALIKE = (
+    "too many eigenvalues of this mesh coincide to compute harmonics exactly: request fewer, or approximate them"
+)
 
 Pairs = tuple[NDArray[np.float64], NDArray[np.float64]]
 BoundaryCondition = Literal["free", "fixed"]
@@ -151,14 +154,12 @@ def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
         if have == count:
             return values, vectors
         floor, shift = ceiling, ceiling + 0.4 * BAND * max((found[-1] - found[0]) / len(found), 0.01 * weyl)
-    raise _too_alike()
+    raise ParameterError(TOO_ALIKE)
 
 
 def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.float64] | None = None) -> Pairs:
     """Return the eigenpairs nearest to a shift, ascending, except those with the eigenvectors `known`."""
-    factorisation = Factorisation(
-        laplacian.stiffness - shift * scipy.sparse.diags_array(laplacian.mass), laplacian.positions
-    )
+    factorisation = _shifted(laplacian, shift)
     root, n = np.sqrt(laplacian.mass), len(laplacian.mass)
     others = np.empty((n, 0)) if known is None else root[:, None] * known
 
@@ -175,10 +176,16 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.floa
                 operator, count, v0=start, maxiter=RESTARTS, tol=EIGENVALUE_TOLERANCE
             )
     except scipy.sparse.linalg.ArpackError as error:
-        raise _too_alike() from error
+        raise ParameterError(TOO_ALIKE) from error
     values = shift + 1 / inverse
     order = np.argsort(values)
     return values[order], vectors[:, order] / root[:, None]
+
+
+def _shifted(laplacian: Laplacian, shift: float) -> Factorisation:
+    """Factorise S - shift M."""
+    matrix = laplacian.stiffness - shift * scipy.sparse.diags_array(laplacian.mass)
+    return Factorisation(matrix, laplacian.positions)
 
 
 def _completed(
@@ -193,13 +200,5 @@ def _completed(
 
 def _count_below(laplacian: Laplacian, value: float) -> int:
     """Count the eigenvalues below a value: the negative pivots of S - value M (Sylvester's law of inertia)."""
-    factorisation = Factorisation(
-        laplacian.stiffness - value * scipy.sparse.diags_array(laplacian.mass), laplacian.positions
-    )
+    factorisation = _shifted(laplacian, value)
     return int((factorisation.factors.U.diagonal() < 0).sum())
-
-
-def _too_alike() -> ParameterError:
-    return ParameterError(
-        "too many eigenvalues of this mesh coincide to compute harmonics exactly: request fewer, or approximate them"
-    )
