@@ -58,6 +58,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     if isinstance(network, GatedCascades):
         network = network.chosen(network.judged(mesh, treat_as).measured)
     free_derived(mesh)
+    mesh.topology.forget_adjacent_faces()
     vertices = without_drift(mesh, network.vertices(start))
     del start
     free_derived(mesh)
