@@ -96,7 +96,10 @@ def run_with_controls(
     weights = vertex_weights(mesh, controls, faces)
     halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)
-    free_derived(mesh, order.mesh, framed)
+    for other in (mesh, order.mesh):
+        if other.topology is not framed.topology:
+            other.forget()  # the method reads the framed mesh only
+    free_derived(framed)
     weights = weights[order.numbers]
     if REGION in method.settings and may_fix_vertices(controls):
         checked[REGION] = weights > 0

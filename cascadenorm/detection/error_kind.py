@@ -166,13 +166,16 @@ def _bins_range(
 
     The points are sorted along the axis, so near points are close in order. Each pair counts for its earlier point.
     """
+    near, squares = np.empty(len(points), np.int32), np.empty(len(points))
     for i in range(start, stop):
         center = centers[i]
-        k = center + 1
+        k, found = center + 1, 0
         while k < len(points) and points[k, axis] - points[center, axis] <= CORRELATION_REACH:
-            squared = squared_distance(row(points, k), row(points, center))
-            if squared <= CORRELATION_REACH * CORRELATION_REACH:
-                distance = int(np.rint(np.sqrt(squared)))  # the first neighbours are in bin 1
-                counts[i, distance] += 1
-                sums[i, distance] += values[center] * values[k]
+            near[found] = k
+            squares[found] = squared_distance(row(points, k), row(points, center))
+            found += squares[found] <= CORRELATION_REACH * CORRELATION_REACH  # a branch would be mispredicted often
             k += 1
+        for place in range(found):
+            distance = int(np.rint(np.sqrt(squares[place])))  # the first neighbours are in bin 1
+            counts[i, distance] += 1
+            sums[i, distance] += values[center] * values[near[place]]

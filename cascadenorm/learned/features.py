@@ -11,7 +11,20 @@ from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import logf
 from cascadenorm.learned.descriptors import Stack
-from cascadenorm.mesh import Bools, Floats, Floats32, Ints, Ints32, Mesh, in_blocks, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import (
+    Bools,
+    Floats,
+    Floats32,
+    Ints,
+    Ints32,
+    Mesh,
+    face_area_vectors,
+    in_blocks,
+    kernel,
+    parallel_for,
+    row_lengths,
+    scatter_add,
+)
 from cascadenorm.mesh.averages import averaged, averaged_around
 
 Array = NDArray[np.float32]
@@ -150,11 +163,12 @@ def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools | slice
     component = mesh.topology.face_components
     count = int(component.max(initial=-1)) + 1
     chosen = component[among]
+    vectors = face_area_vectors(mesh.vertices, mesh.faces)[among]  # not cached, since the network needs memory
     return ComponentSums(
         np.bincount(chosen, minlength=count),
         scatter_add(chosen, values, count),
-        scatter_add(chosen, mesh.area_vectors[among], count),
-        scatter_add(chosen, mesh.areas[among], count),
+        scatter_add(chosen, vectors, count),
+        scatter_add(chosen, row_lengths(vectors), count),
     )
 
 

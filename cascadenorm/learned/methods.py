@@ -61,6 +61,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     if isinstance(network, GatedCascades):
         network = network.chosen(network.judged(mesh, treat_as).measured)
     free_derived(mesh)
+    mesh.topology.forget_adjacent_faces()
     vertices = network.vertices(start)
     del start
     measured = network.measured[mesh.topology.face_components] if isinstance(network, ChosenNetworks) else None

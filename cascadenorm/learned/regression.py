@@ -79,6 +79,10 @@ class Regression:
         -------
         (m, 3) float64 unit normals. Where the weighted sum vanishes, the first filtered normal is returned.
         """
+        return unit(self._all_sums(mesh, stack, sums), otherwise=stack[:, 0])
+
+    def _all_sums(self, mesh: Mesh, stack: Stack, sums: ComponentSums | None) -> Array:
+        """Return the weighted sums of the normals of each face, (m, 3). The context is released on return."""
         with one_blas_thread():  # the blocks already run on several threads
             context = self.scaler.context(stack, mesh, sums)
 
@@ -87,8 +91,7 @@ class Regression:
                 part = np.ascontiguousarray(stack[rows])
                 return self._sums(part, self.scaler.features(part, context.of(rows)))
 
-            total = in_blocks(len(stack), totals)
-        return unit(total, otherwise=stack[:, 0])
+            return in_blocks(len(stack), totals)
 
     def _sums(self, stack: Stack, x: Array) -> Array:
         """Return the weighted sums of the normals of some faces with features x, (m, 3)."""

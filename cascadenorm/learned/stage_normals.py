@@ -41,8 +41,9 @@ def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
     patching = active_patching(mesh)
     if patching is None:
         stack = stage_stack(stage.settings, mesh, noisy)
-        for filtered in (mesh, noisy):  # the network needs memory, and their arrays are computed quickly
+        for filtered in (mesh, noisy):  # the network needs memory, and these arrays are computed quickly
             filtered.forget_geometry()
+        mesh.topology.forget_adjacent_faces()
         return stage.normals(mesh, stack)
     if not stage.scaler.projection.size:
         work = partial(_without_context, stage)

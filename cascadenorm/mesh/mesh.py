@@ -51,14 +51,14 @@ class Mesh:
     def forget(self) -> None:
         """Free all cached derived arrays; they are recomputed on the next access."""
         for name in self.__dict__.keys() - {"vertices", "faces", "topology"}:
-            del self.__dict__[name]
+            self.__dict__.pop(name, None)  # another thread may have freed it
         self.topology.forget()
 
     def forget_geometry(self) -> None:
         """Free the cached arrays that depend on positions, but neither single numbers nor the topology."""
         for name in self.__dict__.keys() - {"vertices", "faces"}:
-            if isinstance(self.__dict__[name], np.ndarray):
-                del self.__dict__[name]
+            if isinstance(self.__dict__.get(name), np.ndarray):
+                self.__dict__.pop(name, None)
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
         """Return the mesh as a part of a larger one, with the vertex colours and facts of the larger mesh.

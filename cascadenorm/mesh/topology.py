@@ -42,7 +42,13 @@ class Topology:
     def forget(self) -> None:
         """Free all cached arrays; they are recomputed on the next access."""
         for name in self.__dict__.keys() - {"faces", "vertex_count", "_face_rings"}:
-            del self.__dict__[name]
+            self.__dict__.pop(name, None)  # another thread may have freed it
+        self._face_rings.clear()
+
+    def forget_adjacent_faces(self) -> None:
+        """Free the relations between faces and of edges to faces, but not those of vertices."""
+        for name in ("edge_faces", "interior_edges", "face_pairs", "faces_across"):
+            self.__dict__.pop(name, None)
         self._face_rings.clear()
 
     @cached_property
@@ -58,10 +64,11 @@ class Topology:
         """
         if ring < 1:
             raise ValueError(f"ring is {ring}; it must be at least 1")
-        if ring not in self._face_rings:
+        found = self._face_rings.get(ring)
+        if found is None:
             parts = parallel_for(len(self.faces), face_ring_range, self.faces, self.vertex_faces, ring)
-            self._face_rings[ring] = joined_rows(len(self.faces), parts)
-        return self._face_rings[ring]
+            found = self._face_rings[ring] = joined_rows(len(self.faces), parts)
+        return found
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -186,15 +186,12 @@ def face_ring_range(start: int, stop: int, faces: Ints32, around: Csr, ring: int
                 center = f if step == 0 else found[level_start + i]
                 for corner in range(3):
                     near, end_of_near = _near(around, faces[center, corner], center)
+                    while end + end_of_near - near > len(found):
+                        found = doubled(found)
                     for k in range(near, end_of_near):
-                        g = around.indices[k]
-                        if seen[g] == f:
-                            continue
-                        seen[g] = f
-                        if end == len(found):
-                            found = doubled(found)
-                        found[end] = g
-                        end += 1
+                        found[end] = around.indices[k]
+                        end += seen[found[end]] != f  # without a branch, which the processor could not predict
+                        seen[around.indices[k]] = f
             level_start, level_stop = level_stop, end
         counts[f - start] = end - first
     return counts, found[:end]

@@ -63,3 +63,16 @@ def test_the_second_ring_is_the_union_of_the_neighbours_of_the_first():
     rings = [leaves(1000).topology.face_rings(ring) for ring in (1, 2)]
     first = [set(row(rings[0], f)) for f in range(1000)]
     assert set(row(rings[1], 500)) == set().union(*(first[g] for g in first[500])) - {500}
+
+
+def test_forgetting_adjacent_faces_keeps_the_vertices_around_each_vertex():
+    topology = icosphere(2).topology
+    rings, across, pairs = topology.face_rings(1), topology.faces_across, topology.face_pairs
+    neighbors = topology.vertex_neighbors
+    topology.forget_adjacent_faces()
+    assert not {"edge_faces", "interior_edges", "face_pairs", "faces_across"} & set(vars(topology))
+    assert topology.vertex_neighbors is neighbors
+    assert topology.face_rings(1) is not rings
+    np.testing.assert_array_equal(topology.face_rings(1).indices, rings.indices)
+    np.testing.assert_array_equal(topology.faces_across, across)
+    np.testing.assert_array_equal(topology.face_pairs, pairs)
