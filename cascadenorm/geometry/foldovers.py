@@ -14,6 +14,8 @@ STEEPEST_NORMAL = math.sqrt(0.5)
 """Cosine of 45°: a face within this angle of the mean normal around it never counts as a foldover."""
 FOLDED = math.cos(math.radians(105))
 """Cosine of the angle between the normals of two adjacent faces below which the edge is folded."""
+SLIVER = 0.05
+"""Height of a face, in mean edge lengths, below which it is a sliver."""
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
@@ -24,11 +26,11 @@ def without_flips(
 
     If the normal of a face would turn by 90° or more, the displacements of its three vertices are halved repeatedly,
     and finally set to zero. Only faces that `may_flip`, (m,), by default the foldovers of the input including possible
-    ones in strong noise (see `foldovers`), may flip, and only if the face then agrees better with the adjacent faces.
-    If the angle between the normals of two adjacent `smooth` faces would exceed 105°, and does not in the input, the
-    displacements of their four vertices are reduced in the same way. The limit lies between right-angled edges and thin
-    blades. The `smooth` faces, (m,), by default none, are those without noise that is independent at each vertex; such
-    noise would hide blades in the input.
+    ones in strong noise (see `foldovers`), may flip. Slivers among them, which a small displacement flips, may do so
+    only if they then agree better with the adjacent faces. If the angle between the normals of two adjacent `smooth`
+    faces would exceed 105°, and does not in the input, the displacements of their four vertices are reduced in the same
+    way. The limit lies between right-angled edges and thin blades. The `smooth` faces, (m,), by default none, are those
+    without noise that is independent at each vertex; such noise would hide blades in the input.
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     pairs = None
@@ -37,11 +39,12 @@ def without_flips(
         pairs = pairs[smooth[pairs].all(axis=1)]
         pairs = pairs[~_folded(mesh, pairs)]
     halvings = np.zeros(len(vertices), np.uint8)
+    slivers = mesh.heights < SLIVER * mesh.mean_edge_length
     while True:
         while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
             pass
         moved = partly_displaced(mesh, vertices, halvings)
-        harmful = ~held & _harmful_flips(mesh, mesh.moved(moved))
+        harmful = ~held & slivers & _harmful_flips(mesh, mesh.moved(moved))
         if not harmful.any():
             return moved
         held |= harmful
