@@ -103,7 +103,7 @@ def test_a_sheet_seen_from_one_side_is_a_depth_image():
     sheet = grid(40, 40)
     found = error_kind(noisy(sheet, 0.2), sheet.vertices)
     assert (found.kind, found.sure) == ("depth image", True)
-    assert str(found) == f"error of {found.size:.2g} edges in a depth image"
+    assert str(found) == f"error of {found.size:.2g} edges in a depth image or a laser scan"
 
 
 def test_a_laser_scan_is_not_taken_for_a_segmentation():
