@@ -66,7 +66,7 @@ def run(arguments: Sequence[str]) -> int:
             if "No such command" in message and os.path.exists(arguments[0]):
                 message = f"{arguments[0]} is no command: to denoise it, use `cascadenorm denoise {arguments[0]}`"
             command = context.command_path if context else f"cascadenorm {call.name}" if call else "cascadenorm"
-            complain(f"{message} (see `{command} --help`)")
+            complain(f"{message.rstrip('.')} (see `{command} --help`)")
         return USAGE
     except Exception as error:
         if _interruptions:  # libraries may convert an interruption during an import to another error
