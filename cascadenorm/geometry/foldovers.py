@@ -44,7 +44,8 @@ def without_flips(
         while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
             pass
         moved = partly_displaced(mesh, vertices, halvings)
-        harmful = ~held & slivers & _harmful_flips(mesh, mesh.moved(moved))
+        free = slivers & ~held
+        harmful = _harmful_flips(mesh, mesh.moved(moved), free) if free.any() else free
         if not harmful.any():
             return moved
         held |= harmful
@@ -63,7 +64,7 @@ def halved_where_flipped(
     105°. The halvings, (n,), are those of the displacement of each vertex.
     """
     moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
-    flipped = held & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
+    flipped = held & _flipped(mesh, moved)
     if pairs is not None:
         flipped[pairs[_folded(moved, pairs)]] = True
     back = np.unique(mesh.faces[flipped])
@@ -71,9 +72,14 @@ def halved_where_flipped(
     return np.asarray(flipped)
 
 
-def _harmful_flips(mesh: Mesh, moved: Mesh) -> NDArray[np.bool_]:
-    """Return (m,) faces that are flipped, but agree no better with the adjacent faces than before."""
-    flipped = (mesh.areas > 0) & (np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
+def _flipped(mesh: Mesh, moved: Mesh) -> NDArray[np.bool_]:
+    """Return (m,) faces whose normals turn by 90° or more."""
+    return np.asarray(np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
+
+
+def _harmful_flips(mesh: Mesh, moved: Mesh, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return (m,) faces among some that are flipped, but agree no better with the adjacent faces than before."""
+    flipped = among & (mesh.areas > 0) & _flipped(mesh, moved)
     if not flipped.any():
         return np.asarray(flipped)
     pairs = mesh.topology.face_pairs
