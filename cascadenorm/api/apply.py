@@ -47,6 +47,8 @@ from cascadenorm.registry import REGION, Method
 
 Step = Callable[[Mesh], Vectors]
 """One application of a method and its controls, mapping a mesh to its new vertices."""
+Note = Callable[[Callable[[], Vectors]], None]
+"""Receiver of the vertices that a method returned, which are computed only if they are wanted."""
 
 
 def run_with_controls(
@@ -109,9 +111,9 @@ def run_with_controls(
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
 
-        def note(vertices: Vectors) -> None:
+        def note(vertices: Callable[[], Vectors]) -> None:
             if removed is not None and not removed:
-                removed.append(np.ldexp(vertices - framed.vertices, exponent)[order.places])
+                removed.append(np.ldexp(vertices() - framed.vertices, exponent)[order.places])
 
         step = _step(Settings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
         slides = None if controls["slide"] is None else sliding(framed)
@@ -215,9 +217,7 @@ class Settings(NamedTuple):
         return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
-def _step(
-    settings: Settings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Callable[[Vectors], None]
-) -> Step:
+def _step(settings: Settings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note) -> Step:
     """Return the step that applies the method together with creases, boundary and detail.
 
     If regions share walls, the step runs on the shell of each region and then joins the walls from their two sides.
@@ -231,7 +231,7 @@ def _step(
     parts
         Shells of its regions if they share walls, else None.
     note
-        Called with the vertices that the method returned, before the other controls.
+        Called after the method with a function that returns its vertices, before the other controls.
     """
     creases = cast("float | ArrayLike | None", settings.controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -240,8 +240,8 @@ def _step(
     edges = None if edges is None else parts.of_edges(mesh, edges)
     numbers = order.numbers[parts.owners]
 
-    def note_joined(vertices: Vectors) -> None:
-        note(joined_walls(parts, mesh, vertices))
+    def note_joined(vertices: Callable[[], Vectors]) -> None:
+        note(lambda: joined_walls(parts, mesh, vertices()))
 
     each = _surface_step(settings.on_copies(parts.owners), parts.mesh, numbers, edges, note_joined)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
@@ -257,7 +257,7 @@ def _surface_step(
     mesh: Mesh,
     numbers: Ints,
     creases: NDArray[np.bool_] | None,
-    note: Callable[[Vectors], None],
+    note: Note,
 ) -> Step:
     """Return the step for a mesh without shared walls.
 
@@ -286,7 +286,8 @@ def _surface_step(
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
         vertices = _finite(method, apply_method(method, parameters, settings.remove_detail, seen), numbers)
-        note(vertices if sides is None else sides.joined(mesh, vertices))
+        result = vertices
+        note(lambda: result if sides is None else sides.joined(mesh, result))
         for removal in settings.removals:
             vertices = without_detail(removal, seen, vertices)
         if edges is not None:
