@@ -1,4 +1,4 @@
-"""Measured surfaces, and no others, are filtered after the network, and the rim of a view more than its inside."""
+"""Measured surfaces, and no others, are filtered after the network, and more so near the boundary of a view."""
 
 import numpy as np
 from shapes import grid, icosphere, noisy
@@ -14,18 +14,18 @@ def tilt(mesh: Mesh, vertices: Vectors, faces: Bools) -> float:
     return float(np.degrees(np.arccos(np.abs(mesh.moved(vertices).face_normals[faces, 2]))).mean())
 
 
-def test_noise_on_a_measured_surface_is_reduced_most_at_its_rim():
+def test_noise_on_a_measured_surface_is_reduced_most_at_its_boundary():
     sheet = noisy(grid(40, 40), 0.1)
     filtered = with_filtered_surfaces(sheet, np.ones(len(sheet.faces), bool))
-    rim = sheet.topology.boundary_vertices[sheet.faces].any(axis=1)
+    outer = sheet.topology.boundary_vertices[sheet.faces].any(axis=1)
     inside = (np.abs(sheet.vertices[sheet.faces][..., :2] - 20) < 8).all(axis=(1, 2))
     left = {
         name: tilt(sheet, filtered, faces) / tilt(sheet, sheet.vertices, faces)
-        for name, faces in {"rim": rim, "inside": inside}.items()
+        for name, faces in {"boundary": outer, "inside": inside}.items()
     }
     once = cn.denoise(sheet, method="bilateral-normal", sigma_s=0.5, iterations=1).vertices
     np.testing.assert_allclose(tilt(sheet, filtered, inside), tilt(sheet, once, inside), rtol=1e-6)
-    assert tilt(sheet, filtered, rim) < 0.95 * tilt(sheet, once, rim)
+    assert tilt(sheet, filtered, outer) < 0.95 * tilt(sheet, once, outer)
     assert max(left.values()) < 0.9
 
 
