@@ -20,8 +20,7 @@ RangeSpread = Annotated[
     float, Parameter("Spread of the range weight over the chord between unit normals", "chord", minimum=1e-6)
 ]
 Center = Annotated[
-    Literal["skip", "count"],
-    Parameter("Whether the average over the neighbours includes the face itself"),
+    Literal["skip", "count"], Parameter("Whether the average over the neighbours includes the face itself")
 ]
 Passes = Annotated[int, Parameter("Number of passes over the normals", minimum=0)]
 
@@ -64,25 +63,10 @@ def bilateral_normals(
 ) -> Vectors:
     """Filter face normals: n_f ← unit Σ_g A_g exp(-|c_g - c_f|²/2σ_s²) exp(-|n_g - n_f|²/2σ_r²) n_g.
 
-    Parameters
-    ----------
-    mesh
-        m faces; a face without area weighs nothing, at a boundary there are fewer neighbours.
-    sigma_s
-        Spatial spread, in mean edge lengths.
-    sigma_r
-        Spread of the chord between unit normals; 0.35 is about 20 degrees; inf leaves the spatial weight alone.
-    iterations
-        Passes; 0 returns the mesh's own normals.
-    ring
-        Neighbours are the faces within this many steps over shared vertices.
-    center
-        "count" lets the face itself take part, with its area as weight; "skip", as in the authors' program, frees it of
-        its own noise; where all its neighbours weigh nothing it keeps its normal.
-
-    Returns
-    -------
-    (m, 3) float64, unit rows, in the order of mesh.faces
+    The sum is over the faces g within `ring` steps over shared vertices. σ_s is in mean edge lengths, σ_r is a chord
+    between unit normals (0.35 is about 20 degrees), and infinity disables a weight. With the center "count", the face
+    itself takes part, weighted by its area. With "skip", as in the authors' program, it does not, which frees it of its
+    own noise. A face whose neighbours have no weight keeps its normal. Returns (m, 3) unit normals.
     """
     rings = mesh.topology.face_rings(ring)
     weights = spatial_weights(mesh, rings, sigma_s)

@@ -92,31 +92,11 @@ def diffuse(
 ) -> NDArray[np.float64]:
     """Take steps of x_t = -(-Δ)^order x: an eigenvector of -Δ with value k is scaled by 1 - tk^p, or by 1/(1 + tk^p).
 
-    Parameters
-    ----------
-    laplacian
-        Of n vertices; it stays as it is during the flow.
-    values
-        (n, c), the vertices or at most 3 other columns.
-    time
-        t, length of one step, in the laplacian's own unit to the power `order`.
-    iterations
-        Steps.
-    scheme
-        An explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`. A longer one is cut into
-        equal stable ones, which the log says at level INFO.
-    region
-        (n,) the vertices that move; where they meet those that do not, the limit of the flow has order - 1 continuous
-        derivatives. None moves all that have mass.
-
-    Returns
-    -------
-    (n, c)
-
-    Raises
-    ------
-    ParameterError
-        An explicit step that takes more than 10,000 stable ones.
+    The values, (n, c), are the vertices or at most three other columns. The time t of one step is in the unit of the
+    Laplacian to the power `order`. An explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`.
+    Longer ones are cut into equal stable ones, which is logged at level INFO. Vertices move within the region, (n,);
+    None selects all that have mass. Where they meet fixed vertices, the limit of the flow has order - 1 continuous
+    derivatives. Returns (n, c). Raises ParameterError if all explicit steps together take more than 10,000 stable ones.
     """
     free = laplacian.mass > 0 if region is None else region & (laplacian.mass > 0)
     if time == 0 or iterations == 0 or not free.any():

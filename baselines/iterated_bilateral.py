@@ -23,12 +23,9 @@ def iterated_bilateral_normals(
 ) -> NDArray[np.float32]:
     """Return the normals after each number of bilateral passes over one ring, for each σ_r.
 
-    In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on: without an exponential
+    In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on. Without an exponential,
     all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour. σ_r are spreads of chords between unit
-    normals; infinity leaves the range weight out. σ_s is one mean edge length. The p numbers of passes ascend.
-
-    Returns
-    -------
+    normals; infinity disables the range weight. σ_s is one mean edge length. The p numbers of passes ascend. Returns
     (m, 1 + 4 p, 3), which is `out` if that is given: the face normal, then each σ_r within each number of passes.
     """
     rings, own, weights = _ring_weights(mesh)

@@ -19,8 +19,7 @@ from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[
-    float,
-    Parameter("Cosine of the angle between normals below which a neighbour has no weight", minimum=-1, below=1),
+    float, Parameter("Cosine of the angle between normals below which a neighbour has no weight", minimum=-1, below=1)
 ]
 WalkLength = Annotated[int, Parameter("Number of steps of the random walk", minimum=0)]
 

@@ -28,21 +28,12 @@ def filtered_normals(
 ) -> NDArray[np.float32]:
     """Filter the face normals once by a joint bilateral filter for each σ_s and each σ_r.
 
-    Parameters
-    ----------
-    guides
-        (s, m, 3) unit normals, one field for each σ_s. The range weight depends on the chords between them.
-    sigma_s, sigma_r
-        Spreads of the distance, in mean edge lengths, and of chords between unit normals. Infinity disables the range
-        weight.
-    cutoff
-        Radius of each filter in units of σ_s. The filter sums over faces with centroids within this radius that are
-        connected to the face by such faces, at most MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian.
-    rings
-        Number of rings of faces to sum over instead. Two rings cover less than half of the Gaussian at σ_s = 2.
-
-    Returns ------- (m, s · r, 3) float32 unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the
-    face normal is kept.
+    The guides are (s, m, 3) unit normals, one field for each σ_s; the range weight depends on the chords between them.
+    σ_s are spreads of the distance in mean edge lengths, σ_r those of the chords; infinity disables the range weight. A
+    filter sums over the faces with centroids within `cutoff` σ_s that are connected to the face by such faces, at most
+    MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian. If `rings` is given, the filter sums over that many
+    rings of faces instead; two rings cover less than half of the Gaussian at σ_s = 2. Returns (m, s · r, 3) float32
+    unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the face normal is kept.
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     radius = filter_radius(mesh, sigma_s, cutoff) if rings is None else np.inf
@@ -89,16 +80,9 @@ def _filter_range(
 ) -> None:
     """Compute all filters of each face. Only iteration f writes row f.
 
-    Parameters
-    ----------
-    vectors
-        (m, 3) area vectors in any unit of area.
-    spatial, spreads
-        Factors of the squared distance and of the squared chord in the exponent, for each σ_s and each σ_r.
-    largest
-        Largest spatial exponent; faces beyond it are left out.
-    limit, rings
-        Largest squared distance and largest number of steps, see `search_faces`.
+    The area vectors, (m, 3), are in any unit. `spatial` and `spreads` are the factors of the squared distance and of
+    the squared chord in the exponent. Faces with a spatial exponent above `largest` are left out; `limit` and `rings`
+    are as in `search_faces`.
     """
     seen = np.full(len(faces), -1, np.int32), np.full(len(around.indptr) - 1, -1, np.int32)
     found, distances = np.empty(MOST_NEIGHBORS, np.int32), np.empty(MOST_NEIGHBORS)

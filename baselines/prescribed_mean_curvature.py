@@ -22,8 +22,7 @@ def prescribed_mean_curvature(
     mesh: Mesh,
     *,
     smoothing: Annotated[
-        float,
-        Parameter("Diffusion time of the mean curvature", "squared mean edge lengths", minimum=0, below=math.inf),
+        float, Parameter("Diffusion time of the mean curvature", "squared mean edge lengths", minimum=0, below=math.inf)
     ] = 2.0,
     threshold: Annotated[
         float,

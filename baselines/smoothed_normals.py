@@ -19,20 +19,10 @@ def smoothed_normals(
 
     In each pass, a vertex moves along its own normal to the mean height of itself and its neighbours (umbrella
     operator, Taubin 1995), so triangles keep their shape within the surface. Where a surface bends, the normal of a
-    face depends on this shape, which averages of normals ignore.
-
-    Parameters
-    ----------
-    along
-        (m, 3) face normals, smoother than those of the mesh. Vertices move along their area-weighted sums.
-    passes
-        Numbers of passes, ascending.
-    sigma_r
-        Range spread of the weights of neighbours, a chord between directions. Infinity gives all the same weight.
-
-    Returns
-    -------
-    (m, p, 3) unit normals; `out` if it is given. A face without area keeps its normal.
+    face depends on this shape, which averages of normals ignore. Vertices move along the area-weighted sums of `along`,
+    (m, 3) face normals that are smoother than those of the mesh. Neighbours are weighted by the chord between their
+    directions with the spread σ_r; infinity gives all the same weight. The p numbers of passes ascend. Returns (m, p,
+    3) unit normals, in `out` if it is given. A face without area keeps its normal.
     """
     directions = np.empty_like(mesh.vertices)
     single = np.ascontiguousarray(along, np.float32)  # one type, compiled once

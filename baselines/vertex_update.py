@@ -33,33 +33,17 @@ def recover_vertices(
 ) -> Vectors:
     """Move vertices until the faces have the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
 
-    With weighting = "inverse-height" the step is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f with w_f
-    from `face_weights`. Unless foldovers are ignored, a step that would flip a face against its normal is shortened.
-    Vertices of a face that is already flipped are pulled toward the mean of their neighbours until it has the right
-    orientation.
+    The (m, 3) normals are unit vectors; a face with a zero row has no influence. Each sweep is Gauss-Seidel: it updates
+    one group of vertices that share no face after the other. Only `movable` vertices, (n,), move; None selects all.
+    Returns (n, 3) vertices; those without a face do not move.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices and m faces.
-    normals
-        (m, 3) unit normals. A face with a zero row has no influence.
-    sweeps
-        Number of Gauss-Seidel sweeps. Each sweep updates one group of vertices that share no face after the other. 0
-        returns a copy of the vertices.
-    weighting
-        "uniform", as published, minimises the distances of corners from the plane of their face. For a thin face these
-        are small even if its normal deviates strongly. "inverse-height" divides them by the height of the face and uses
-        over-relaxation, so that 20 sweeps converge as far as 100 uniform ones.
-    foldovers
-        "avoid" prevents flips as described above. "ignore", as published, always takes the whole step, whichever faces
-        it flips.
-    movable
-        (n,) vertices that may move. None selects all vertices.
+    The weighting "uniform", as published, minimises the distances of corners from the plane of their face. For a thin
+    face these are small even if its normal deviates strongly. "inverse-height" divides them by the height of the face:
+    the step is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f with w_f from `face_weights`. With this
+    over-relaxation, 20 sweeps converge as far as 100 uniform ones.
 
-    Returns
-    -------
-    (n, 3) float64 vertices. Vertices without a face do not move.
+    Unless foldovers are ignored, as published, a step that would flip a face against its normal is shortened. Vertices
+    of a face that is already flipped are pulled toward the mean of their neighbours until it has the right orientation.
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors

@@ -23,21 +23,11 @@ MIN_AREA_FRACTION = 0.05  # minimum share of its area that each face keeps
 
 
 class BoundaryEdges(NamedTuple):
-    """The b boundary edges of a mesh, directed from tail to head like the face of each.
+    """The b boundary edges of a mesh, directed from tail to head like the face of each."""
 
-    Parameters
-    ----------
-    edges
-        (b, 2) vertex indices: tail, head.
-    neighbors
-        (b, 2) adjacent boundary edge at either end; -1 if there is none or more than one.
-    signs
-        (b, 2) -1 if the adjacent edge has the opposite direction, else 1.
-    """
-
-    edges: NDArray[np.int32]
-    neighbors: NDArray[np.int64]
-    signs: NDArray[np.float64]
+    edges: NDArray[np.int32]  # (b, 2) vertex indices: tail, head
+    neighbors: NDArray[np.int64]  # (b, 2) adjacent boundary edge at either end; -1 if there is none or more than one
+    signs: NDArray[np.float64]  # (b, 2) -1 if the adjacent edge has the opposite direction, else 1
 
     @property
     def vertices(self) -> NDArray[np.int32]:
@@ -58,10 +48,7 @@ class BoundaryEdges(NamedTuple):
 def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> BoundaryEdges:
     """Return the boundary edges of a mesh, without the degenerate edges of faces that repeat a vertex.
 
-    Parameters
-    ----------
-    faces
-        Faces that index copies of the vertices, if the edges are to refer to a mesh that was cut.
+    If the mesh was cut, `faces` are its faces in the mesh that the edges are to refer to.
     """
     single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
     proper = mesh.faces != np.roll(mesh.faces, -1, axis=1)
@@ -89,21 +76,10 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
     """Smooth the boundary along the surface; perpendicular to it, boundary vertices move as the method moved them.
 
     Face normals determine the position of a boundary vertex perpendicular to the surface but not along it. Along the
-    surface, the displacement is that of `smoothed_curve`, which preserves circles and corners.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices before the method.
-    boundary
-        Boundary edges of the mesh.
-    vertices
-        (n, 3) vertices after the method.
-
-    Returns
-    -------
-    (n, 3) vertices. Vertices where loops end or meet move only perpendicular to the surface, and interior vertices stay
-    where the method moved them. No face is flipped relative to its orientation after the method
+    surface, the displacement is that of `smoothed_curve`, which preserves circles and corners. `mesh` and `boundary`
+    are those before the method, and `vertices`, (n, 3), are those after it. Vertices where loops end or meet move only
+    perpendicular to the surface, and interior vertices stay where the method moved them. No face is flipped relative to
+    its orientation after the method.
     """
     # Displacement of the method along the vertex normals, and of the curve in the tangent planes
     on = boundary.vertices
@@ -118,20 +94,11 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
 
 
 def _unflipped(mesh: Mesh, vertices: Vectors, movable: NDArray[np.int32]) -> Vectors:
-    """Return the vertices without flipping faces relative to the mesh.
+    """Return the vertices, (n, 3), which change in place, without flipping faces relative to the mesh.
 
-    A face with three boundary vertices flips if the smoothed boundary turns inward. The vertices of such faces and of
-    their neighbors are pushed apart in their tangent planes until each face keeps some of its area. The vertices of
-    faces that remain flipped return to their positions in the mesh.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices and m faces.
-    vertices
-        (n, 3) changed in place.
-    movable
-        Indices of the vertices that may be pushed.
+    A face with three boundary vertices flips if the smoothed boundary turns inward. The `movable` vertices, given by
+    index, of such faces and of their neighbors are pushed apart in their tangent planes until each face keeps some of
+    its area. The vertices of faces that remain flipped return to their positions in the mesh.
     """
     areas = np.linalg.norm(mesh.area_vectors, axis=1)
     faces = np.flatnonzero(np.isin(mesh.faces, movable).any(axis=1) & (areas > 0))
@@ -178,16 +145,9 @@ def smoothed_curve(
 ) -> Vectors:
     """Return the vertices after fitting boundary edges to filtered directions; ends of open chains stay.
 
-    The fit minimizes Σ |e - <e, d> d|² over the boundary edges e with directions d by gradient descent.
-
-    Parameters
-    ----------
-    spread
-        Spread of the range weight, in median angles between consecutive guidance edges.
-    passes
-        Passes of the direction filter.
-    vertex_passes
-        Steps of the gradient descent.
+    The fit minimizes Σ |e - <e, d> d|² over the boundary edges e with directions d by `vertex_passes` steps of gradient
+    descent. The directions are filtered in `passes` passes, with a spread in median angles between consecutive guidance
+    edges.
     """
     directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T

@@ -16,39 +16,22 @@ MEAN_WEIGHT = 0.02  # weight h of the mean of the copies, relative to 1 - cos of
 
 
 class CreaseSides(NamedTuple):
-    """A mesh cut along its creases, with one copy of a vertex for each side that meets there.
+    """A mesh cut along its creases, with one copy of a vertex for each side that meets there."""
 
-    Parameters
-    ----------
-    mesh
-        Cut mesh with k vertices, the first n of which are those of the original mesh; faces keep their order.
-    owners
-        (k,) original vertex of each copy, starting with 0 … n - 1.
-    """
-
-    mesh: Mesh
-    owners: NDArray[np.int64]
+    mesh: Mesh  # with k vertices, the first n of which are those of the original mesh; faces keep their order
+    owners: NDArray[np.int64]  # (k,) original vertex of each copy, starting with 0 … n - 1
 
     def of(self, mesh: Mesh) -> Mesh:
         """Cut the original mesh with new positions in the same way."""
         return self.mesh.moved(mesh.vertices[self.owners])
 
     def joined(self, mesh: Mesh, vertices: Vectors) -> Vectors:
-        """Join the copies of each vertex where the tangent planes of their sides intersect.
+        """Join the copies of each vertex, (k, 3), where the tangent planes of their sides intersect.
 
-        A copy c at x_c with normal n_c determines the tangent plane of its side. The joined vertex x minimizes
-        Σ <n_c, x - x_c>² + h |x - mean of x_c|². The second term keeps x near the mean where the planes leave it free.
-
-        Parameters
-        ----------
-        mesh
-            Original mesh with n vertices before they moved.
-        vertices
-            (k, 3) new position of each copy.
-
-        Returns
-        -------
-        (n, 3) vertices; if all copies moved by the same displacement, the joined vertex keeps it
+        A copy c at x_c with normal n_c determines the tangent plane of its side. The joined vertex x minimizes Σ <n_c,
+        x - x_c>² + h |x - mean of x_c|². The second term keeps x near the mean where the planes leave it free. `mesh`
+        is the original mesh before its vertices moved. If all copies have the same displacement, the joined vertex
+        keeps it. Returns (n, 3) vertices.
         """
         # Copies of the vertices that have several, and for each copy the row of its vertex in `places`
         count = len(mesh.vertices)
@@ -76,20 +59,10 @@ class CreaseSides(NamedTuple):
 def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None = None) -> NDArray[np.bool_]:
     """Return (e,) bool, whether each edge of the mesh is a crease.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with e edges; faces may have any orientation, and edges of faces without area have no angle.
-    creases
-        Angle in degrees, which selects the edges whose two face normals differ by more than that, or (k, 2) vertex
-        indices of edges.
-    places
-        (n,) mesh vertex of each vertex index in `creases`. None means that they are equal.
-
-    Raises
-    ------
-    ParameterError
-        An angle is outside 0 … 180, or a pair is not an edge.
+    `creases` is an angle in degrees, which selects the edges whose two face normals differ by more than that, or (k, 2)
+    vertex indices of edges. Faces may have any orientation, and edges of faces without area have no angle. `places`,
+    (n,), is the mesh vertex of each vertex index in `creases`; None means that they are equal. Raises ParameterError if
+    an angle is outside 0 … 180, or a pair is not an edge.
     """
     if isinstance(creases, numbers.Real) and not isinstance(creases, bool):
         if not 0 <= creases <= 180:
@@ -144,14 +117,9 @@ def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDA
 
 
 def cut_along(mesh: Mesh, creases: NDArray[np.bool_]) -> CreaseSides:
-    """Cut a mesh along creases; faces at a vertex share a copy if other edges connect them.
+    """Cut a mesh along creases, (e,) bool; faces at a vertex share a copy if other edges connect them.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices; vertices that no crease touches stay whole.
-    creases
-        (e,) bool for each edge; where creases end within the surface, nothing is cut.
+    Vertices that no crease touches stay whole. Where creases end within the surface, nothing is cut.
     """
     # Half-edges at vertices that a crease touches, and the fan of connected faces that contains each
     count, faces = len(mesh.vertices), mesh.faces

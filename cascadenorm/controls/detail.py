@@ -24,23 +24,14 @@ WIDEST_DETAIL = 10.0
 
 
 def high_pass_filter(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
-    """Return a high-pass filter of displacements, which removes parts as wide as the features to keep.
+    """Return a linear high-pass filter of displacements, (n, 3), which removes parts as wide as the features to keep.
 
     A feature is half a wave with wave number q = π/width. The filter applies the residual of one implicit diffusion
-    step, x - (1 - tΔ)⁻¹ x, twice to the displacement x. A wave with -Δx = q²x is scaled by (tq²/(1 + tq²))²;
-    with t = (1 + √2)(width/π)², this factor is 1/2 at q = π/width. Relative to this width, a wave twice as wide keeps
-    14 % of its displacement, four times as wide 2 %, half as wide 82 %, and a quarter as wide 95 %.
-
-    Parameters
-    ----------
-    width
-        Width in mesh units. 0 removes everything; infinity removes only the mean displacement of each component.
-    mesh
-        Mesh with n vertices on which the displacement is smoothed; the boundary is free.
-
-    Returns
-    -------
-    A linear function of (n, 3) displacements; vertices without a face do not move
+    step on the mesh, x - (1 - tΔ)⁻¹ x, twice to the displacement x. A wave with -Δx = q²x is scaled by (tq²/(1 +
+    tq²))²; with t = (1 + √2)(width/π)², this factor is 1/2 at q = π/width. Relative to this width, a wave twice as wide
+    keeps 14 % of its displacement, four times as wide 2 %, half as wide 82 %, and a quarter as wide 95 %. A width of 0,
+    in mesh units, removes everything, and infinity only the mean displacement of each component. The boundary is free,
+    and vertices without a face do not move.
     """
     # M + tL, the matrix of an implicit step, restricted to vertices with a face
     laplacian = cotangent_laplacian(mesh)
@@ -59,20 +50,10 @@ def high_pass_filter(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
 
 
 def apply_method(method: Method, parameters: Mapping[str, Any], width: float | None, mesh: Mesh) -> Vectors:
-    """Apply a method to a mesh or, if its errors are wide, to coarse copies of it.
+    """Apply a method with all of its parameters to a mesh or, if its errors are wide, to coarse copies of it.
 
-    Parameters
-    ----------
-    method, parameters
-        Method, and all of its parameters except the mesh.
-    width
-        Width of the errors in mesh units. If None, learned methods detect the steps of enlarged volumes.
-    mesh
-        Mesh with n vertices.
-
-    Returns
-    -------
-    (n, 3) new vertices
+    The width of the errors is in mesh units. If it is None, learned methods detect the steps of enlarged volumes.
+    Returns (n, 3) vertices.
     """
 
     def on_copy(copy: CoarseCopy) -> Vectors:
@@ -107,36 +88,18 @@ def as_unknown_surface(method: Method, parameters: Mapping[str, Any]) -> Mapping
 
 
 class DetailRemoval(NamedTuple):
-    """Detail to remove from the result of a method.
+    """Detail to remove from the result of a method."""
 
-    Parameters
-    ----------
-    width
-        Width of the widest feature to remove, in mesh units.
-    share
-        Fraction of the removal to apply, from 0 to 1.
-    """
-
-    width: float
-    share: float
+    width: float  # of the widest feature to remove, in mesh units
+    share: float  # fraction of the removal to apply, from 0 to 1
 
 
 def without_detail(removal: DetailRemoval, mesh: Mesh, vertices: Vectors) -> Vectors:
     """Remove features up to a width from the result of a method, by rolling guidance of the normals.
 
-    Parameters
-    ----------
-    removal
-        Detail to remove.
-    mesh
-        Input mesh with n vertices.
-    vertices
-        (n, 3) vertices after the method.
-
-    Returns
-    -------
-    (n, 3) vertices, within half a width of `vertices`, the height of a hemisphere. Vertices that the method did not
-    move stay, and no face is flipped against the input, except to undo foldovers in the input.
+    Returns (n, 3) vertices within half a width, the height of a hemisphere, of `vertices`, which are those after the
+    method. Vertices that the method did not move stay, and no face is flipped against the input, except to undo
+    foldovers in it.
     """
     left = mesh.moved(vertices)
     if removal.width == 0 or not left.mean_edge_length > 0:

@@ -29,21 +29,10 @@ def clip_lengths(displacement: Vectors, limit: float) -> Vectors:
 
 
 def displace(mesh: Mesh, displacement: Vectors, *, exponent: int, limit: float, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Add a displacement in units of the frame to the vertices, in the type of the result.
+    """Add a displacement, (n, 3) in units of 2**exponent, to the vertices; return them in the type of the result.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices in their original coordinates; vertices with displacement 0 keep their exact bits.
-    displacement
-        (n, 3) in units of 2**exponent.
-    limit
-        Largest displacement in the same unit; it also holds after rounding to the type of the result.
-
-    Raises
-    ------
-    DenoiseError
-        A vertex would exceed the range of the type.
+    Vertices with displacement 0 keep their exact bits. The limit, in the same unit, also holds after rounding to the
+    type of the result. Raises DenoiseError if a vertex would exceed the range of the type.
     """
     limit *= 1 - 8 * float(np.finfo(dtype).eps)  # so that the limit also holds when measured in that type
     with np.errstate(over="ignore"):

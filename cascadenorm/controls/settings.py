@@ -37,33 +37,15 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True, kw_only=True)
 class Control(Parameter):
-    """The annotation of a control: a `Parameter` with a default value and details for user interfaces.
+    """The annotation of a control: a `Parameter` with a default value and details for user interfaces."""
 
-    Parameters
-    ----------
-    default
-        Value that has no effect.
-    arrays
-        Values it accepts in Python, if these are not just numbers or choices.
-    words
-        Values it accepts for a mesh file, in Python and on the command line.
-    example
-        Example value for the documentation.
-    metavar
-        Placeholder for the value in the command line help; empty for numbers and choices.
-    flag
-        Name of an option without a value that selects the only choice, such as --keep-volume for volume="keep".
-    hidden
-        Whether the control has no command line option.
-    """
-
-    default: Any = None
-    arrays: str = ""
-    words: str = ""
-    example: Any = None
-    metavar: str = ""
-    flag: str = ""
-    hidden: bool = False
+    default: Any = None  # value that has no effect
+    arrays: str = ""  # values it accepts in Python, if these are not just numbers or choices
+    words: str = ""  # values it accepts for a mesh file, in Python and on the command line
+    example: Any = None  # value for the documentation
+    metavar: str = ""  # placeholder for the value in the command line help; empty for numbers and choices
+    flag: str = ""  # option without a value that selects the only choice, such as --keep-volume for volume="keep"
+    hidden: bool = False  # whether the control has no command line option
 
 
 class Controls(TypedDict, total=False):
@@ -245,12 +227,8 @@ CONTROLS = _declared()
 def checked_controls(given: Mapping[str, Any]) -> Controls:
     """Return all controls, with defaults for those not given.
 
-    Values that depend on the mesh, such as masks, indices and edges, are checked where they are applied.
-
-    Raises
-    ------
-    ParameterError
-        A control does not exist, or a value has the wrong type or is out of range.
+    Values that depend on the mesh, such as masks, indices and edges, are checked where they are applied. Raises
+    ParameterError if a control does not exist, or a value has the wrong type or is out of range.
     """
     if unknown := [name for name in given if name not in CONTROLS]:
         meant = get_close_matches(unknown[0], CONTROLS, n=1)
@@ -272,10 +250,7 @@ def checked_controls(given: Mapping[str, Any]) -> Controls:
 def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
     """Parse a length and whether its unit is the mean edge length; None is infinite.
 
-    Raises
-    ------
-    ParameterError
-        The value is not a length or is negative.
+    Raises ParameterError if the value is not a length or is negative.
     """
     if length is None:
         return math.inf, False

@@ -20,18 +20,10 @@ MIN_FACET_AREA = 1e-4  # of the area of the convex hull; smaller facets are not 
 
 
 class Sliding(NamedTuple):
-    """The vertices that slide, and their remaining degrees of freedom.
+    """The vertices that slide, and their remaining degrees of freedom."""
 
-    Parameters
-    ----------
-    vertices
-        (k,) vertex indices, ascending.
-    projections
-        (k, 3, 3) projections onto the free directions: a plane, a line, or nothing.
-    """
-
-    vertices: Ints
-    projections: Floats
+    vertices: Ints  # (k,) vertex indices, ascending
+    projections: Floats  # (k, 3, 3) projections onto the free directions: a plane, a line, or nothing
 
     def constrained(self, displacement: Vectors) -> Vectors:
         """Return the displacement, (n, 3), without the part that leaves the planes."""

@@ -21,17 +21,8 @@ def may_fix_vertices(controls: Controls) -> bool:
 def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return (n,) factors of the strength: the mask, with 0 for fixed, unselected and unreferenced vertices.
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    faces
-        Faces that `only` refers to, which may be more than those of the mesh.
-
-    Raises
-    ------
-    ParameterError
-        Mask, fixed or only has the wrong shape or type, or is out of range.
+    `faces` are those that `only` refers to, which may be more than those of the mesh. Raises ParameterError if mask,
+    fixed or only has the wrong shape or type, or is out of range.
     """
     count = len(mesh.vertices)
     weights = np.zeros(count)
@@ -48,13 +39,7 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
 
 
 def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
-    """Return (count,) bool for faces selected by indices or by (count,) bool.
-
-    Raises
-    ------
-    ParameterError
-        The selection is neither of these, or an index is out of range.
-    """
+    """Return (count,) bool for faces selected by indices or by (count,) bool; refuse other selections."""
     selected = np.zeros(count, bool)
     selected[_indices("only", np.asarray(only), count, "face", "faces")] = True
     return selected

@@ -18,14 +18,11 @@ SAME_SIDE = 0.5
 
 
 def chord_residuals(mesh: Mesh) -> Floats:
-    """Return the residual of each interior edge against the vertex normals at its ends.
+    """Return the residual of each interior edge against the vertex normals at its ends, (i,).
 
-    At a crease, only the faces on the same side contribute to these normals. Faces are weighted by their area divided
-    by the squared lengths of the two sides at the vertex, which is exact on spheres (Max 1999).
-
-    Returns
-    -------
-    (i,) absolute residuals in mesh units, in the order of `Topology.interior_edges`.
+    Residuals are absolute and in mesh units. At a crease, only the faces on the same side contribute to these normals.
+    Faces are weighted by their area divided by the squared lengths of the two sides at the vertex, which is exact on
+    spheres (Max 1999).
     """
     topology, n = mesh.topology, len(mesh.vertices)
     around = topology.vertex_faces
@@ -41,19 +38,7 @@ def chord_residuals(mesh: Mesh) -> Floats:
 
 
 def chord_noise(mesh: Mesh, residuals: Floats) -> Floats:
-    """Estimate the noise at each vertex as the RMS of the residuals within about four rings.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    residuals
-        (i,) results of `chord_residuals`.
-
-    Returns
-    -------
-    (n,) in mesh units; inf if there is no interior edge nearby.
-    """
+    """Return the RMS of the `chord_residuals` within about four rings of each vertex, (n,); inf if there are none."""
     topology, n = mesh.topology, len(mesh.vertices)
     sums = np.zeros((n, 2))
     _add_squares(residuals, topology.edges, topology.interior_edges, sums)
@@ -97,13 +82,7 @@ def _add_squares(residuals: Floats, edges: Ints32, interior: Ints32, sums: Float
 
 @kernel
 def _vertex_range(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    faces: Ints32,
-    normals: Vectors,
-    around: Csr,
-    whole: Vectors,
+    start: int, stop: int, vertices: Vectors, faces: Ints32, normals: Vectors, around: Csr, whole: Vectors
 ) -> None:
     """Sum the weighted normals of all faces around each vertex."""
     for i in range(start, stop):

@@ -21,19 +21,11 @@ ERROR_WIDTH = 2.0
 
 
 def enlarged_steps(mesh: Mesh) -> Floats:
-    """Return the width of the steps on each connected component extracted from an enlarged volume.
+    """Return the width of the steps on each of c connected components extracted from an enlarged volume.
 
     If each voxel of a mask or grey volume was repeated k times along each axis, values change only at every k-th plane
-    between voxels. All vertices then lie in every k-th layer of cells of the enlarged lattice.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with c connected components.
-
-    Returns
-    -------
-    (c,) widths in mesh units; 0 for components without such steps.
+    between voxels. All vertices then lie in every k-th layer of cells of the enlarged lattice. The (c,) widths are in
+    mesh units; 0 for components without such steps.
     """
     components = mesh.topology.components
     sizes = np.bincount(components)

@@ -76,16 +76,9 @@ class ErrorKind:
 
 
 def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind:
-    """Classify the error of a mesh from its vertices and their denoised positions.
+    """Classify the error of a mesh from its vertices and their positions denoised by the reference method, (n, 3).
 
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    denoised
-        (n, 3) vertices denoised by the reference method.
-    exponent
-        The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit.
+    The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit.
     """
     used, true = mesh.topology.used_vertices, mesh.moved(denoised)
     error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]
@@ -119,16 +112,10 @@ def _voxel(lattice: VoxelLattice, exponent: int) -> tuple[float, float, float] |
 
 
 def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
-    """Return the distance at which the autocorrelation of values falls to 1/e.
+    """Return the distance at which the autocorrelation of values, (n,), not all zero, at points, (n, 3), falls to 1/e.
 
-    Bins are one mean edge length wide, with linear interpolation between them.
-
-    Parameters
-    ----------
-    points
-        (n, 3) positions in mean edge lengths.
-    values
-        (n,) values at the points, not all zero.
+    The positions and the result are in mean edge lengths. Bins are one mean edge length wide, with linear interpolation
+    between them.
     """
     # bins of each centre, with points sorted along the axis of their largest extent
     axis = int(np.argmax(np.ptp(points, axis=0)))
@@ -153,14 +140,7 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
 
 @kernel
 def _bins_range(
-    start: int,
-    stop: int,
-    centers: Ints,
-    points: Vectors,
-    axis: int,
-    values: Floats,
-    counts: Floats,
-    sums: Floats,
+    start: int, stop: int, centers: Ints, points: Vectors, axis: int, values: Floats, counts: Floats, sums: Floats
 ) -> None:
     """Bin the points after each centre by rounded distance; count them and sum the products of their values.
 

@@ -27,27 +27,13 @@ SMALL_SHARE = 0.005
 
 @dataclass(frozen=True)
 class Gate:
-    """A forest of extremely randomised decision trees as plain arrays (Geurts, Ernst, Wehenkel 2006).
+    """A forest of extremely randomised decision trees as plain arrays (Geurts, Ernst, Wehenkel 2006)."""
 
-    Parameters
-    ----------
-    roots
-        (t,) index of the root node of each tree.
-    figures
-        (k,) index of the feature that each node compares; -1 at a leaf.
-    limits
-        (k,) threshold of each node; values up to it lead to the lower child.
-    children
-        (k, 2) indices of the lower and the upper child.
-    shares
-        (k,) fraction of measured surfaces at each leaf.
-    """
-
-    roots: Ints32
-    figures: Ints32
-    limits: Floats32
-    children: Ints32
-    shares: Floats32
+    roots: Ints32  # (t,) root node of each tree
+    figures: Ints32  # (k,) index of the feature that each node compares; -1 at a leaf
+    limits: Floats32  # (k,) threshold of each node; values up to it lead to the lower child
+    children: Ints32  # (k, 2) lower and upper child of each node
+    shares: Floats32  # (k,) fraction of measured surfaces at each leaf
 
     def probability(self, figures: Floats) -> float:
         """Return the probability that a surface with the given features is a measured one."""
@@ -63,18 +49,10 @@ class Gate:
 
 
 class Judged(NamedTuple):
-    """The classification of the components of a mesh by a gate.
+    """The classification of the components of `Topology.components` by a gate."""
 
-    Parameters
-    ----------
-    measured
-        (c,) whether each component of `Topology.components` is treated as a measured surface.
-    probabilities
-        (c,) probability that each component is a measured surface; NaN for vertices without a face.
-    """
-
-    measured: Bools
-    probabilities: Floats
+    measured: Bools  # (c,) whether each component is treated as a measured surface
+    probabilities: Floats  # (c,) probability that it is one; NaN for vertices without a face
 
 
 def judged(gate: Gate, mesh: Mesh) -> Judged:

@@ -33,11 +33,8 @@ def noise_level(mesh: Mesh) -> float | None:
 
     The estimate is accurate within 25 % from 0.05 to 0.5 if less than a third of the edges are near creases, and below
     0.02 for clean, smooth surfaces. Detail at the scale of the edges is indistinguishable from noise. Noise that is
-    correlated between adjacent vertices, as in a smoothed scan, is not detected.
-
-    Returns
-    -------
-    Noise level in mean edge lengths; None if there are too few edges away from the boundary.
+    correlated between adjacent vertices, as in a smoothed scan, is not detected. The estimate is None if there are too
+    few edges away from the boundary.
     """
     edges = _inner_edges(mesh)
     if len(edges) < FEWEST_EDGES:
@@ -49,14 +46,10 @@ def noise_level(mesh: Mesh) -> float | None:
 
 
 def local_noise(mesh: Mesh) -> NDArray[np.float64]:
-    """Estimate the noise along the normal around each vertex, in mean edge lengths of the mesh.
+    """Estimate the noise along the normal around each vertex, (n,), in mean edge lengths of the mesh.
 
     The estimate is the root mean square of the differences described in `noise_level`, over the edges of a vertex and
-    its neighbours. Creases are not excluded.
-
-    Returns
-    -------
-    (n,); NaN if all these edges are at a boundary.
+    its neighbours; NaN if all of these are at a boundary. Creases are not excluded.
     """
     edges = _inner_edges(mesh)
     squares = np.square(_differences_along(mesh, edges)) if len(edges) else np.empty(0)
@@ -74,15 +67,8 @@ def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float
     """Return the normalised difference e of each edge; NaN if all neighbours of an end coincide with it."""
     around = mesh.topology.vertex_neighbors
     differences = np.empty(len(edges))
-    parallel_for(
-        len(edges),
-        _differences,
-        mesh.vertices,
-        mesh.vertex_area_vectors,  # independent of the positions of the vertices themselves
-        edges,
-        around,
-        differences,
-    )
+    vectors = mesh.vertex_area_vectors  # independent of the positions of the vertices themselves
+    parallel_for(len(edges), _differences, mesh.vertices, vectors, edges, around, differences)
     return differences
 
 
@@ -107,13 +93,7 @@ def _clipped_deviation(differences: NDArray[np.float64]) -> float:
 
 @kernel
 def _differences(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    vectors: Vectors,
-    edges: Ints32,
-    neighbors: Csr,
-    out: Floats,
+    start: int, stop: int, vertices: Vectors, vectors: Vectors, edges: Ints32, neighbors: Csr, out: Floats
 ) -> None:
     """Compute the differences of edges start … stop with scalar arithmetic only, so that the kernel loads quickly."""
     for e in range(start, stop):
@@ -126,10 +106,8 @@ def _differences(
             out[e] = np.nan
             continue
         a, b = 0.5 + 0.5 * spread_j / spread_i, 0.5 + 0.5 * spread_i / spread_j
-        a_each, b_each = (
-            a / (neighbors.indptr[i + 1] - neighbors.indptr[i]),
-            b / (neighbors.indptr[j + 1] - neighbors.indptr[j]),
-        )
+        a_each = a / (neighbors.indptr[i + 1] - neighbors.indptr[i])
+        b_each = b / (neighbors.indptr[j + 1] - neighbors.indptr[j])
         at_i, at_j = a + b_each, -b - a_each
         # height is the weighted sum of positions along the normal, squares the sum of the squared weights
         squares = at_i * at_i + at_j * at_j

@@ -23,19 +23,10 @@ NOISE = 0.02
 
 
 def noise_spikes(mesh: Mesh) -> Bools:
-    """Detect spikes.
+    """Return (n,) whether each vertex is a spike.
 
     A spike rises above an otherwise nearly flat neighbourhood, higher than the radius of its base. Boundary vertices
     are never spikes.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-
-    Returns
-    -------
-    (n,) whether each vertex is a spike.
     """
     topology = mesh.topology
     found = np.zeros(len(mesh.vertices), bool)

@@ -21,18 +21,10 @@ NARROWEST = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Treads:
-    """Flat, parallel treads that cover most of a mesh.
-
-    Parameters
-    ----------
-    count
-        Number of treads.
-    width
-        Width of a typical tread with its riser, in mean edge lengths.
-    """
+    """Flat, parallel treads that cover most of a mesh."""
 
     count: int
-    width: float
+    width: float  # of a typical tread with its riser, in mean edge lengths
 
 
 def treads(mesh: Mesh) -> Treads | None:
@@ -41,11 +33,6 @@ def treads(mesh: Mesh) -> Treads | None:
     A tread is a connected set of coplanar faces. Its width is its hydraulic diameter: four times the area divided by
     the perimeter. The typical width is the area-weighted mean, so that the many small treads of steep parts have little
     weight.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
     """
     pairs = mesh.topology.face_pairs
     normals, areas = mesh.face_normals, mesh.areas

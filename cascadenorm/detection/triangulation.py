@@ -36,21 +36,10 @@ FIGURES = (
 
 
 def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
-    """Measure valences, lengths, angles and bends of some faces of a mesh.
+    """Measure valences, lengths, angles and bends of some faces of a mesh, given by at least one index.
 
-    The features are invariant to scale, rotation and translation. Lengths are relative to their mean; angles and bends
-    are in degrees.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with m faces.
-    faces
-        (k,) indices of the faces, at least one. If there are more than SAMPLED_FACES, a random sample is used.
-
-    Returns
-    -------
-    (32,) features in the order of FIGURES.
+    The features, (32,) in the order of FIGURES, are invariant to scale, rotation and translation. Lengths are relative
+    to their mean; angles and bends are in degrees. Of more than SAMPLED_FACES faces, a random sample is used.
     """
     if len(faces) > SAMPLED_FACES:
         faces = np.sort(np.random.default_rng(0).choice(faces, SAMPLED_FACES, replace=False))

@@ -78,11 +78,9 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
 
 
 def _keys(vectors: Vectors, size: float) -> tuple[Ints, Ints]:
-    """Round vectors to multiples of a size and encode each as an integer, equal for opposite vectors.
+    """Round vectors, (n, 3), to multiples of a size and encode each as an integer, equal for opposite vectors.
 
-    Returns
-    -------
-    (n,) keys, ordered as the coordinates, and the (n, 1) sign that maps each vector to the one of its key.
+    Returns (n,) keys, ordered as the coordinates, and the (n, 1) sign that maps each vector to the one of its key.
     """
     keys, sign = np.empty(len(vectors), np.int64), np.empty((len(vectors), 1), np.int64)
     parallel_for(len(vectors), _key_range, np.ascontiguousarray(vectors), size, keys, sign)

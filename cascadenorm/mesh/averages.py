@@ -10,22 +10,9 @@ Values = TypeVar("Values", Floats, Floats32)
 
 
 def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | None = None) -> Values:
-    """Replace each value or row by the mean over itself and its neighbours, repeatedly.
+    """Replace each value, (n,), or row, (n, p), by the mean over itself and its neighbours, at least once.
 
-    Parameters
-    ----------
-    values
-        (n,) or (n, p).
-    neighbors
-        Neighbours of each of the n rows.
-    passes
-        Number of repetitions, at least 1.
-    spare
-        Work array with the shape and type of `values`, overwritten. Allocated if None.
-
-    Returns
-    -------
-    Array with the shape and type of `values`.
+    `spare` is a work array with the shape and type of the values, which is overwritten; None allocates one.
     """
     run = _mean_range if values.ndim == 2 else _mean_number_range
     out = np.empty_like(values)
@@ -38,19 +25,7 @@ def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | Non
 
 
 def averaged_around(values: Values, around: Csr) -> Values:
-    """Return the mean of the values listed in each row of a pattern; zero for empty rows.
-
-    Parameters
-    ----------
-    values
-        (m, p).
-    around
-        n rows of indices below m.
-
-    Returns
-    -------
-    (n, p) array with the type of `values`.
-    """
+    """Return the mean of the values, (m, p), that each row of a pattern lists; zero for empty rows."""
     out = np.empty((len(around.indptr) - 1, values.shape[1]), values.dtype)
     parallel_for(len(out), _mean_around_range, values, around, out)
     return out

@@ -10,18 +10,9 @@ from cascadenorm.compute.kernels import kernel
 
 
 def connected_components(links: NDArray[Any], count: int) -> Ints32:
-    """Return the connected component of each node.
+    """Return the (count,) component of each node of a graph, given by pairs of connected nodes, (k, 2).
 
-    Parameters
-    ----------
-    links
-        (k, 2) pairs of connected nodes, each below `count`.
-    count
-        Number of nodes.
-
-    Returns
-    -------
-    (count,) component numbers, in the order of the first node of each component.
+    Components are numbered in the order of their first nodes.
     """
     labels = np.empty(count, np.int32)
     _label(np.ascontiguousarray(links, np.int32), labels)

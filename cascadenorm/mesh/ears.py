@@ -15,16 +15,8 @@ MOST_PASSES = 16  # over all corners, needed where rounding errors hide ears; on
 def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
     """Triangulate a polygon by ear clipping, projected along its mean normal.
 
-    An ear is a convex corner with no other corner in its triangle.
-
-    Parameters
-    ----------
-    corners
-        (c, 3) positions, in order.
-
-    Returns
-    -------
-    (c - 2, 3) indices of corners; None if the polygon intersects itself, is not finite or has too many corners.
+    An ear is a convex corner with no other corner in its triangle. The corners, (c, 3), are in order. Returns (c - 2,
+    3) indices of corners; None if the polygon intersects itself, is not finite or has too many corners.
     """
     if len(corners) > MOST_CORNERS:
         return None

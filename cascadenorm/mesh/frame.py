@@ -10,18 +10,10 @@ from cascadenorm.mesh.mesh import Mesh
 
 
 class Frame(NamedTuple):
-    """A local coordinate frame with an origin and a unit of length.
+    """A local coordinate frame with an origin and a unit of length."""
 
-    Parameters
-    ----------
-    center
-        (3,) point that becomes the origin.
-    exponent
-        2**exponent becomes the unit.
-    """
-
-    center: Vectors
-    exponent: int
+    center: Vectors  # (3,) point that becomes the origin
+    exponent: int  # 2**exponent becomes the unit
 
     def points(self, positions: NDArray[Any]) -> Vectors:
         """Return positions, (k, 3), in this frame; the scaling is exact."""

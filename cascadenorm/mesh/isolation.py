@@ -55,23 +55,9 @@ def compacted(vertices: NDArray[Any], faces: NDArray[np.int32]) -> tuple[Mesh, N
 
 
 def isolated(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
-    """Return the mesh without invalid faces; invalid vertices are moved to the origin.
+    """Return the mesh of all vertices and the valid faces, in their order; invalid vertices are moved to the origin.
 
-    Parameters
-    ----------
-    vertices
-        (n, 3) numbers.
-    faces
-        (m, 3) integers.
-
-    Returns
-    -------
-    Mesh with all n vertices and the valid faces, both in their original order.
-
-    Raises
-    ------
-    MeshError
-        The arrays have a wrong shape or type, or no valid face is left.
+    Raises MeshError if the arrays have a wrong shape or type, or no valid face is left.
     """
     positions, corners = vertex_array(vertices), face_array(faces)
     left = corners[~bad_faces(positions, corners)]

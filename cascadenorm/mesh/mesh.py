@@ -61,14 +61,9 @@ class Mesh:
                 self.__dict__.pop(name, None)
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
-        """Return the mesh as a part of a larger one, with the vertex colours and facts of the larger mesh.
+        """Return the mesh as a part of a larger one, with its facts (see `with_facts`) and its vertex colours, (n,).
 
-        Parameters
-        ----------
-        groups
-            (n,) colour of each vertex in the larger mesh, as in `vertex_colors`; -1 for none.
-        facts
-            As in `with_facts`.
+        The colours are those of `vertex_colors` of the larger mesh; -1 for none.
         """
         mesh = Mesh(self.vertices, self.faces)
         mesh.topology.__dict__["vertex_colors"] = grouped(groups)
@@ -77,10 +72,7 @@ class Mesh:
     def with_facts(self, **facts: float) -> "Mesh":
         """Return the mesh with some of its properties replaced by those of a larger mesh that it is a part of.
 
-        Parameters
-        ----------
-        facts
-            Any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`.
+        They are any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`.
         """
         mesh = self.moved(self.vertices)
         mesh.__dict__.update(facts)

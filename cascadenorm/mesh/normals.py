@@ -18,46 +18,21 @@ UNUSED, SHARED = -1, -2
 
 
 class Normals(NamedTuple):
-    """Normals as a file stores them.
+    """Normals as a file stores them."""
 
-    Parameters
-    ----------
-    values
-        (j, 3) as read; NaN where the file has none.
-    corners
-        (m, 3) index of the normal at each triangle corner, or -1.
-    """
-
-    values: NDArray[Any]
-    corners: NDArray[np.int64]
+    values: NDArray[Any]  # (j, 3) as read; NaN where the file has none
+    corners: NDArray[np.int64]  # (m, 3) index of the normal at each triangle corner, or -1
 
 
 def renewed_normals(
-    normals: Normals,
-    triangles: NDArray[np.int64],
-    welds: NDArray[np.int32],
-    before: NDArray[Any],
-    after: NDArray[Any],
+    normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32], before: NDArray[Any], after: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Recompute the normals of moved triangles as area-weighted means over the triangles that use each normal.
 
-    Normals that were equal on both sides of a seam stay equal. If most stored normals are opposite to the
-    orientation of the triangles, the new ones are too.
-
-    Parameters
-    ----------
-    normals
-        Normals as read.
-    triangles
-        (m, 3) indices of positions.
-    welds
-        (k,) welded vertex of each position.
-    before, after
-        (k, 3) positions.
-
-    Returns
-    -------
-    (j, 3) normals, and (j,) whether each was recomputed. Recomputed normals are unit vectors; the others are as read.
+    Normals that were equal on both sides of a seam stay equal. If most stored normals are opposite to the orientation
+    of the triangles, the new ones are too. The triangles, (m, 3), index the positions `before` and `after`, (k, 3), and
+    `welds`, (k,), is the welded vertex of each position. Returns (j, 3) normals, and (j,) whether each was recomputed.
+    Recomputed normals are unit vectors; the others are as read.
     """
     with np.errstate(invalid="ignore"):  # signalling NaN
         normals = normals._replace(values=normals.values.astype(np.float64))

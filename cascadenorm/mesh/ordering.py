@@ -40,21 +40,11 @@ LOWER = (1 << 32) - 1
 
 
 class Renumbered(NamedTuple):
-    """A mesh with reordered vertices and faces.
-
-    Parameters
-    ----------
-    mesh
-        Reordered mesh with n vertices.
-    numbers
-        (n,) original index of each vertex.
-    places
-        (n,) new index of each original vertex.
-    """
+    """A mesh with reordered vertices and faces."""
 
     mesh: Mesh
-    numbers: Ints
-    places: Ints32
+    numbers: Ints  # (n,) original index of each vertex
+    places: Ints32  # (n,) new index of each original vertex
 
     @classmethod
     def unchanged(cls, mesh: Mesh) -> "Renumbered":

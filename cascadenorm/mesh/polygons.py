@@ -60,21 +60,11 @@ class Polygons(NamedTuple):
 
 
 def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangulate polygons.
+    """Triangulate polygons with corners in 0 … k - 1; those with fewer than three corners give no triangle.
 
     Each polygon becomes a fan around the first corner that gives no folded triangle. If there is no such corner, as in
-    the letter U, the polygon is triangulated by ear clipping.
-
-    Parameters
-    ----------
-    positions
-        (k, 3).
-    polygons
-        Polygons with corners in 0 … k - 1; those with fewer than three corners give no triangle.
-
-    Returns
-    -------
-    (m, 3) corners of the triangles, and (m,) the polygon of each, ascending.
+    the letter U, the polygon is triangulated by ear clipping. The positions are (k, 3). Returns the (m, 3) corners of
+    the triangles, and (m,) the polygon of each, ascending.
     """
     counts = polygons.counts
     if (counts == 3).all():
@@ -155,14 +145,8 @@ def largest_coordinate(positions: NDArray[Any]) -> float:
 def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest: float) -> NDArray[np.float32]:
     """Return the (m, 3) unit normals of triangles; zero for triangles without area.
 
-    Parameters
-    ----------
-    positions
-        (k, 3).
-    triangles
-        (m, 3) indices of positions.
-    largest
-        Result of `largest_coordinate` for these positions, or for a superset.
+    Triangles index the positions, (k, 3). `largest` is the result of `largest_coordinate` for these positions, or for a
+    superset.
     """
     out = np.empty(triangles.shape, np.float32)
     with np.errstate(invalid="ignore"):  # positions may be NaN where invalid faces are isolated

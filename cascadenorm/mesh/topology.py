@@ -22,16 +22,9 @@ from cascadenorm.mesh.topology_kernels import (
 
 
 class Topology:
-    """Adjacency of m triangles and n vertices; each relation is computed on first access.
+    """Adjacency of m triangles, (m, 3) int32, and n vertices; each relation is computed on first access.
 
     The mesh need not be manifold: an edge may have one, two or more faces. Neighbours are ordered by index only.
-
-    Parameters
-    ----------
-    faces
-        (m, 3) int32, every entry in 0 … n - 1.
-    vertex_count
-        Number of vertices n.
     """
 
     def __init__(self, faces: NDArray[np.int32], vertex_count: int) -> None:
@@ -123,10 +116,7 @@ class Topology:
     def fans(self, across: NDArray[np.bool_] | None = None) -> NDArray[np.int32]:
         """Return the (3m,) fan of each face corner: corners at a vertex share a fan if their faces connect there.
 
-        Parameters
-        ----------
-        across
-            (e,) whether faces are connected across each edge; None selects all edges.
+        Faces are connected across the edges that are true in `across`, (e,); None selects all edges.
         """
         order = np.argsort(self.face_edges, axis=None, kind="stable")
         of_edge = self.face_edges.ravel()[order]

@@ -68,14 +68,7 @@ def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[I
 
 
 @kernel
-def sides_up_range(
-    start: int,
-    stop: int,
-    faces: Ints32,
-    around: Csr,
-    up: Csr,
-    of_sides: Ints32,
-) -> None:
+def sides_up_range(start: int, stop: int, faces: Ints32, around: Csr, up: Csr, of_sides: Ints32) -> None:
     """Write the edge number of each face side whose lower vertex is in start … stop."""
     for i in range(start, stop):
         for k in range(around.indptr[i], around.indptr[i + 1]):

@@ -24,22 +24,10 @@ def weld(
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Weld boundary vertices at the same position, where a file has cut the surface.
 
-    Coincident vertices inside a surface are not welded: there, two separate surfaces touch.
-
-    Parameters
-    ----------
-    positions
-        (k, 3).
-    triangles
-        (m, 3) indices of positions.
-    parts
-        (k,) part of each position; only positions of the same part are welded.
-    distance
-        Boundary vertices at most this far apart are welded too, repeatedly until none remain.
-
-    Returns
-    -------
-    (k,) welded vertex of each position, and (n,) the first position of each welded vertex, ascending.
+    Coincident vertices inside a surface are not welded: there, two separate surfaces touch. The triangles, (m, 3),
+    index the positions, (k, 3). Only positions of the same of the `parts`, (k,), are welded. Boundary vertices at most
+    `distance` apart are welded too, repeatedly until none remain. Returns the (k,) welded vertex of each position, and
+    (n,) the first position of each welded vertex, ascending.
     """
     number, first = _weld_equal(positions, triangles, parts)
     if not distance > 0:
@@ -55,16 +43,8 @@ def near_on_boundary(
 ) -> NDArray[np.int64]:
     """Cluster boundary vertices that are near each other, and return the first vertex of each one's cluster, (n,).
 
-    Parameters
-    ----------
-    points
-        (n, 3).
-    on_boundary
-        (n,) whether each vertex lies on the boundary.
-    distance
-        Largest distance between two vertices that are joined, in the unit of the points.
-    parts
-        (n,) part of each vertex; only vertices of the same part are joined.
+    Vertices of the same of the `parts`, (n,), are joined if they lie on the boundary and at most `distance` apart, in
+    the unit of the points, (n, 3).
     """
     joined = np.arange(len(points))
     left = np.flatnonzero(on_boundary & np.isfinite(points).all(axis=1))

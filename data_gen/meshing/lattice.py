@@ -26,20 +26,11 @@ class Lattice(NamedTuple):
 
 def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
            turn: Vectors | None = None, open_boundary: bool = False, rng: np.random.Generator) -> Lattice:  # fmt: skip
-    """Evaluate a field on a lattice over a box.
+    """Evaluate a field on a lattice over the box from `lower` to `upper`, with edges of the mean length `spacing`.
 
-    Parameters
-    ----------
-    lower, upper
-        Corners of the box to be covered. With an open boundary, the lattice is that box, rotated.
-    spacing
-        Mean length of the lattice's edges.
-    jitter
-        Largest random displacement of the nodes, relative to the spacing.
-    turn
-        Rotation of the lattice's axes about the middle of the box.
-    open_boundary
-        Whether the surface ends at the border of the lattice instead of being closed there.
+    The jitter is the largest random displacement of the nodes, relative to the spacing, and `turn` rotates the axes of
+    the lattice about the middle of the box. With an open boundary, the lattice is the rotated box itself, and the
+    surface ends at its border instead of being closed there.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
     steps = np.full(3, spacing)

@@ -26,27 +26,10 @@ def triangulated(
 ) -> Triangles:
     """Triangulate a polygon with holes by its own vertices and given inner ones.
 
-    Parameters
-    ----------
-    points
-        (n, 2) positions.
-    loops
-        Indices of the vertices along each loop. The first is the outline, counterclockwise; the others are holes,
-        clockwise.
-    inner
-        Indices of the vertices inside.
-    delaunay
-        Whether to flip edges until the triangulation is constrained Delaunay. Otherwise the ears are kept as they were
-        cut, in the order of the loops, with the fans and slivers that this produces.
-
-    Returns
-    -------
-    (loop vertices + 2 holes - 2 + 2 inner, 3) indices, counterclockwise.
-
-    Raises
-    ------
-    PolygonError
-        Loops cross or touch, or a vertex is not inside.
+    The loops index the points, (n, 2). The first is the outline, counterclockwise; the others are holes, clockwise.
+    Edges are flipped until the triangulation is constrained Delaunay, or else the ears are kept as they were cut, in
+    the order of the loops, with the fans and slivers that this produces. Returns (loop vertices + 2 holes - 2 + 2
+    inner, 3) indices, counterclockwise. Raises PolygonError if loops cross or touch, or a vertex is not inside.
     """
     order = list(loops[0])
     holes = sorted(loops[1:], key=lambda hole: -points[hole, 0].max())

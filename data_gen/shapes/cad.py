@@ -220,8 +220,7 @@ def fan(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return curved sheet-like parts: blades on a hub, scoops, wedges cut by cylinders."""
     blades = int(rng.integers(2, 6))
     blade = bent(
-        box([0.55, max(1.3 * edge, rng.uniform(0.04, 0.13)), rng.uniform(0.25, 0.5)]),
-        curvature=rng.uniform(-1, 1),
+        box([0.55, max(1.3 * edge, rng.uniform(0.04, 0.13)), rng.uniform(0.25, 0.5)]), curvature=rng.uniform(-1, 1)
     )
     blade = moved(blade, by=[0.6, 0, 0], rotation=_tilt(rng.uniform(-0.8, 0.8)))
     blend, radius = blend_of(rng, edge=edge)
