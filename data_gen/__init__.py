@@ -15,17 +15,6 @@ from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
 
 __all__ = [
-    "OWN_FAMILY",
-    "SHAPE_FAMILIES",
-    "DatasetConfig",
-    "NoiseKind",
-    "Pair",
-    "ShapeFamily",
-    "clean_mesh",
-    "displacements",
-    "family_of",
-    "own_pair",
-    "pair",
-    "pairs",
-    "write_dataset",
-]
+    "OWN_FAMILY", "SHAPE_FAMILIES", "DatasetConfig", "NoiseKind", "Pair", "ShapeFamily", "clean_mesh", "displacements",
+    "family_of", "own_pair", "pair", "pairs", "write_dataset",
+]  # fmt: skip

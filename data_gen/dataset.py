@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.data_gen.families import SHAPE_FAMILIES, ErrorPart, ShapeFamily
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError
-from cascadenorm.data_gen.noise.laser import LEVELS as LASER_LEVELS
-from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
-from cascadenorm.data_gen.noise.relief import log_uniform, relief
+from cascadenorm.data_gen.noise.noise import NoiseKind, displacements, relief
+from cascadenorm.data_gen.noise.sensor import LASER_LEVELS
 from cascadenorm.data_gen.scanning.measured import Measured
-from cascadenorm.data_gen.shapes.placement import random_rotation
+from cascadenorm.data_gen.shapes.placement import log_uniform, random_rotation
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.mesh import Mesh, Vectors
@@ -54,36 +54,22 @@ USUAL_KINDS: tuple[NoiseKind, ...] = (
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """Settings of a data set. Equal settings give byte-identical data.
+    """Settings of a data set. Equal settings give byte-identical data."""
 
-    Parameters
-    ----------
-    count
-        Number of pairs.
-    seed
-        Seed of all random numbers.
-    families
-        Names in SHAPE_FAMILIES. Families that are not listed are held out.
-    min_faces, max_faces
-        Bounds on the target number of faces, which is drawn log-uniformly and met within about a third.
-    noise_kinds
-        Kinds of noise, drawn with equal chance; list one twice to double its chance. `sensor` applies only to the
-        families that cameras see, and to half of their meshes. If it is the only kind, it applies to all meshes.
-    relief
-        Share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise. Shapes
-        measured by cameras or in volumes and CAD tessellations get no relief.
-    min_level, max_level
-        Noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of
-        their own, and half of them are drawn uniformly.
-    """
-
-    count: int = 2000
-    seed: int = 0
-    families: tuple[str, ...] = tuple(SHAPE_FAMILIES)
+    count: int = 2000  # of pairs
+    seed: int = 0  # of all random numbers
+    families: tuple[str, ...] = tuple(SHAPE_FAMILIES)  # families that are not listed are held out
+    # bounds on the target number of faces, which is drawn log-uniformly and met within about a third
     min_faces: int = 4000
     max_faces: int = 15000
+    # kinds of noise, drawn with equal chance; list one twice to double its chance. `sensor` applies only to the
+    # families that cameras see, and to half of their meshes. If it is the only kind, it applies to all meshes
     noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
+    # share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise. Shapes
+    # measured by cameras or in volumes and CAD tessellations get no relief
     relief: float = 0.0
+    # noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of their
+    # own, and half of them are drawn uniformly
     min_level: float = 0.02
     max_level: float = 0.9
 
@@ -189,11 +175,8 @@ def pair(config: DatasetConfig, index: int) -> Pair:
         made = _drawn(config, index, level=level)
         return Pair(*made, name, "none" if family.measured else kind, level)
     clean = clean_mesh(config, index)
-    if (
-        not family.seen
-        and family.part != "tessellation"
-        and rng.random() < config.relief * MORE_RELIEF.get(family.part, 1.0)
-    ):
+    modelled = not family.seen and family.part != "tessellation"
+    if modelled and rng.random() < config.relief * MORE_RELIEF.get(family.part, 1.0):
         clean = clean.moved(clean.vertices + relief(clean, rng=rng))
         kind, level = ("none", 0.0) if rng.random() < CLEAN_RELIEF else ("normal", log_uniform(RELIEF_LEVELS, rng=rng))
     return _disturbed(clean, name, kind, level, rng=rng)
@@ -245,6 +228,21 @@ def write_dataset(
         progress("generating", len(entries), config.count)
     text = json.dumps({"config": asdict(config), "pairs": entries}, indent=1)
     (folder / "dataset.json").write_text(text + "\n", encoding="utf-8")
+
+
+def training_patches(mesh: Mesh, *, faces: int) -> list[NDArray[np.intp]]:
+    """Halve a mesh across its longest side until no part has more than `faces` faces; return their face numbers."""
+    done, waiting = [], [np.arange(len(mesh.faces))]
+    while waiting:
+        chosen = waiting.pop()
+        if len(chosen) <= faces:
+            done.append(chosen)
+            continue
+        centroids = mesh.centroids[chosen]
+        along = np.argsort(centroids[:, np.argmax(np.ptp(centroids, axis=0))], kind="stable")
+        middle = len(chosen) // 2
+        waiting += [np.sort(chosen[along[middle:]]), np.sort(chosen[along[:middle]])]
+    return done
 
 
 def _stream(config: DatasetConfig, index: int, *key: int) -> np.random.Generator:

@@ -11,71 +11,59 @@ from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.structured import structured_mesh, subdivided_cage
 from cascadenorm.data_gen.meshing.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.meshing.tessellation import tessellate
-from cascadenorm.data_gen.noise.relief import log_uniform
-from cascadenorm.data_gen.scanning.fusion import fused
-from cascadenorm.data_gen.scanning.isosurfaces import isosurface
+from cascadenorm.data_gen.scanning.isosurfaces import isosurface, tetrahedral_surface
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.points import reconstruction
-from cascadenorm.data_gen.scanning.tetrahedra import tetrahedral_surface
-from cascadenorm.data_gen.scanning.views import view
+from cascadenorm.data_gen.scanning.views import fused, view
 from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
 from cascadenorm.data_gen.shapes import cad, organic
-from cascadenorm.data_gen.shapes.engraving import engraved
 from cascadenorm.data_gen.shapes.fields import DistanceField
-from cascadenorm.data_gen.shapes.polyhedra import polyhedron
+from cascadenorm.data_gen.shapes.placement import log_uniform
+from cascadenorm.data_gen.shapes.solids import engraved, polyhedron
 
 FINER = 3.0, 14.0  # ratio of the number of faces before decimation to that after it
 WIDEST_STEPS = 2.2  # largest ratio of the steps of a laser scanner
 USUAL_AREA = 7.0  # area of a shape, which extends to about 1 from the origin
 
-
+Shape = Callable[[float, np.random.Generator], DistanceField]
 ErrorPart = Literal[
     "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
     "tetrahedra", "isosurface", "points", "tessellation", "structured", "subdivided",
 ]  # fmt: skip
+"""What a mesh shows.
+
+- "whole": the whole shape, which is closed.
+- "piece": a piece cut out by a box.
+- "low-poly": the whole shape decimated to few faces.
+- "decimated": the same with detail far finer than the decimated mesh can represent.
+- "view", "laser": what a depth camera or a laser scanner sees from one side.
+- "fused": what several cameras see, fused in a volume.
+- "mask", "slices": a meshed binary mask of voxels or of slices.
+- "tomogram": a level of a tomogram.
+- "tetrahedra": a noisy distance field meshed by marching tetrahedra.
+- "isosurface": a level of an exact field.
+- "points": the surface reconstructed from noisy points.
+- "tessellation": faces of a CAD model, each triangulated.
+- "structured": a surface over a grid of parameters.
+- "subdivided": a subdivided cage.
+"""
+
+
+MEASUREMENTS: dict[ErrorPart, Callable[..., Measured]] = {
+    "fused": fused, "tomogram": tomogram, "tetrahedra": tetrahedral_surface, "points": reconstruction,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class ShapeFamily:
-    """A family of random shapes.
+    """A family of random shapes."""
 
-    Parameters
-    ----------
-    shape
-        Draws a field, given the expected edge length, below which detail would be lost. None for meshes that are not
-        made from a field: CAD tessellations and structured surfaces.
-    weight
-        How often the family is drawn, relative to the others.
-    sharp
-        Whether edges of the shape become edges of the mesh.
-    part
-        What the mesh shows.
-
-        - "whole": the whole shape, which is closed.
-        - "piece": a piece cut out by a box.
-        - "low-poly": the whole shape decimated to few faces.
-        - "decimated": the same with detail far finer than the decimated mesh can represent.
-        - "view", "laser": what a depth camera or a laser scanner sees from one side.
-        - "fused": what several cameras see, fused in a volume.
-        - "mask", "slices": a meshed binary mask of voxels or of slices.
-        - "tomogram": a level of a tomogram.
-        - "tetrahedra": a noisy distance field meshed by marching tetrahedra.
-        - "isosurface": a level of an exact field.
-        - "points": the surface reconstructed from noisy points.
-        - "tessellation": faces of a CAD model, each triangulated.
-        - "structured": a surface over a grid of parameters.
-        - "subdivided": a subdivided cage.
-    """
-
-    shape: Callable[[float, np.random.Generator], DistanceField] | None
-    weight: float
-    sharp: bool
+    # draws a field, given the expected edge length, below which detail would be lost; None for CAD tessellations and
+    # structured surfaces, which are not made from a field
+    shape: Shape | None
+    weight: float  # how often the family is drawn, relative to the others
+    sharp: bool  # whether edges of the shape become edges of the mesh
     part: ErrorPart = "whole"
-
-    @property
-    def closed(self) -> bool:
-        """Whether meshes are watertight."""
-        return self.part not in ("piece", "view", "laser", "fused", "structured")
 
     @property
     def measured(self) -> bool:
@@ -102,16 +90,10 @@ class ShapeFamily:
         finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
         field = self.shape(float(np.sqrt(2.3 * area / (faces * finer))), rng)
         extent = extent_of(field, rng=rng)
-        if self.part == "fused":
-            return fused(field, extent, faces=faces, level=level, rng=rng)
+        if self.part in MEASUREMENTS:
+            return MEASUREMENTS[self.part](field, extent, faces=faces, level=level, rng=rng)
         if self.part in ("mask", "slices"):
             return segmentation(field, extent, faces=faces, slices=self.part == "slices", rng=rng)
-        if self.part == "tomogram":
-            return tomogram(field, extent, faces=faces, level=level, rng=rng)
-        if self.part == "tetrahedra":
-            return tetrahedral_surface(field, extent, faces=faces, level=level, rng=rng)
-        if self.part == "points":
-            return reconstruction(field, extent, faces=faces, level=level, rng=rng)
         if self.part in ("view", "laser"):
             ratio = log_uniform((1.0, WIDEST_STEPS), rng=rng) if self.part == "laser" else 1.0
             mesh = view(field, extent, faces=faces, rng=rng, ratio=ratio)
@@ -130,9 +112,6 @@ class ShapeFamily:
         else:
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
         return Measured.on_surface(mesh, mesh)
-
-
-Shape = Callable[[float, np.random.Generator], DistanceField]
 
 
 def any_of(*shapes: Shape) -> Shape:

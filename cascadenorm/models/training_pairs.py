@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cascadenorm.data_gen import OWN_FAMILY, DatasetConfig, Pair, own_pair, write_dataset
-from cascadenorm.data_gen.meshing.patches import training_patches
+from cascadenorm.data_gen.dataset import training_patches
 from cascadenorm.errors import MissingDependencyError
 from cascadenorm.execution.cluster_map import use_cluster
 from cascadenorm.execution.progress import Progress, no_progress

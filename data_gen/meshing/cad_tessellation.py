@@ -17,15 +17,13 @@ from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Floats, Mesh, unit
 
 Maker = Callable[[float, np.random.Generator], Mesh]
-WallProfile = list[tuple[float, float]]
-"""Outward offsets and heights of the rings along a wall."""
+WallProfile = list[tuple[float, float]]  # outward offsets and heights of the rings along a wall
 
 ROUGHEST, FINEST = 0.05, 2e-6
 """Range of chord tolerances, relative to the size of a part, that is searched for the wanted number of faces. That
 number varies with the inverse square root of the tolerance for strips, and with its inverse for doubly curved
 surfaces, so that a power of 1.5 converges for both."""
-LOW_DIGITS = 0.2
-"""Share of the parts written as text in millimetres with four decimals. The others are float32."""
+LOW_DIGITS = 0.2  # share of the parts written as text in millimetres with four decimals; the others are float32
 
 
 def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:

@@ -13,10 +13,10 @@ from cascadenorm.mesh import Ints, Mesh, kernel, scatter_add
 from cascadenorm.mesh.isolation import compacted
 from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
 
-SMOOTH, CREASE, CORNER = 0, 1, 2
-"""Kinds of vertices: free, constrained to a line of marked edges, and fixed (as all boundary vertices are)."""
+SMOOTH, CREASE, CORNER = 0, 1, 2  # kinds of vertices: free, on a line of marked edges, and fixed, as at boundaries
 
 RING = 48  # vertices with more neighbours than this are not edited
+MOST_FACES = 512  # a vertex with more faces counts as not manifold
 
 
 class HalfEdges(NamedTuple):
@@ -33,13 +33,13 @@ class HalfEdges(NamedTuple):
 
 
 def is_manifold(mesh: Mesh) -> bool:
-    """Whether each edge has at most two faces with consistent orientation, and each vertex one fan of faces."""
-    count = mesh.topology.vertex_count
+    """Whether each edge has at most two faces with consistent orientation, and each vertex one fan of few faces."""
     ahead = np.roll(mesh.faces, -1, axis=1)
-    directed = mesh.faces.astype(np.int64) * count + ahead
+    directed = mesh.faces.astype(np.int64) * mesh.topology.vertex_count + ahead
     if len(np.unique(directed)) < directed.size or (mesh.faces == ahead).any():
         return False
-    return bool(_fans_are_single(half_edges_of(mesh, capacity=1.0), count))
+    one_fan_each = mesh.topology.fans().max() + 1 == mesh.topology.used_vertices.sum()
+    return bool(one_fan_each and mesh.topology.vertex_faces.counts.max() <= MOST_FACES)
 
 
 def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> HalfEdges:
@@ -126,18 +126,6 @@ def leaving(c: HalfEdges, v: int, ring: Ints) -> tuple[int, bool]:
         count += 1
         h = c.twin[after(h)]
     return count, False
-
-
-@kernel
-def _fans_are_single(c: HalfEdges, n: int) -> bool:
-    degree = np.zeros(n, np.int64)
-    for h in range(3 * c.used[1]):
-        degree[c.origin[h]] += 1
-    ring = np.empty(512, np.int64)
-    for v in range(n):  # noqa: SIM110, numba compiles no generators
-        if degree[v] > 0 and leaving(c, v, ring)[0] != degree[v]:
-            return False
-    return True
 
 
 @kernel
@@ -253,35 +241,29 @@ def flip(c: HalfEdges, h: int) -> None:
 @kernel
 def split(c: HalfEdges, h: int, m: int) -> None:
     """Insert vertex m, whose data the caller has set, on an edge, which splits both faces."""
-    g = c.twin[h]
-    mark = c.marked[h]
-    a, b, left = c.origin[h], c.origin[after(h)], c.origin[before(h)]
+    g, a, b, mark = c.twin[h], c.origin[h], c.origin[after(h)], c.marked[h]
+    p, r = _split_face(c, h, m)
+    q, s = (-1, -1) if g == -1 else _split_face(c, g, m)
+    tie(c, p, s, mark)
+    tie(c, r, q, mark)
+    c.start[a], c.start[m], c.start[b] = p, r, r + 1
+
+
+@kernel
+def _split_face(c: HalfEdges, h: int, m: int) -> tuple[int, int]:
+    """Split the face of h at vertex m of that edge; return the half-edges from its start to m, and from m to its end.
+
+    The face keeps the half up to m, and a new face gets the other one.
+    """
+    a, b, opposite = c.origin[h], c.origin[after(h)], c.origin[before(h)]
     outer, outer_mark = c.twin[after(h)], c.marked[after(h)]
     inner, inner_mark = c.twin[before(h)], c.marked[before(h)]
-    # The face of h keeps the half up to m, a new face gets the other one.
     p, r = 3 * (h // 3), 3 * c.used[1]
     c.used[1] += 1
-    c.origin[p], c.origin[p + 1], c.origin[p + 2] = a, m, left
-    c.origin[r], c.origin[r + 1], c.origin[r + 2] = m, b, left
+    c.origin[p], c.origin[p + 1], c.origin[p + 2] = a, m, opposite
+    c.origin[r], c.origin[r + 1], c.origin[r + 2] = m, b, opposite
     tie(c, p + 2, inner, inner_mark)
     tie(c, r + 1, outer, outer_mark)
     tie(c, p + 1, r + 2, False)
-    c.start[a], c.start[m], c.start[left], c.start[b] = p, r, p + 2, r + 1
-    if g == -1:
-        tie(c, p, -1, mark)
-        tie(c, r, -1, mark)
-        return
-    # The face of the twin is split in the same way.
-    right = c.origin[before(g)]
-    outer, outer_mark = c.twin[before(g)], c.marked[before(g)]
-    inner, inner_mark = c.twin[after(g)], c.marked[after(g)]
-    q, s = 3 * (g // 3), 3 * c.used[1]
-    c.used[1] += 1
-    c.origin[q], c.origin[q + 1], c.origin[q + 2] = b, m, right
-    c.origin[s], c.origin[s + 1], c.origin[s + 2] = m, a, right
-    tie(c, q + 2, outer, outer_mark)
-    tie(c, s + 1, inner, inner_mark)
-    tie(c, q + 1, s + 2, False)
-    tie(c, p, s, mark)
-    tie(c, r, q, mark)
-    c.start[right] = q + 2
+    c.start[opposite] = p + 2
+    return p, r

@@ -1,19 +1,16 @@
-"""Sample a field on a lattice, only near the surface.
-
-The lattice may be jittered.
-"""
+"""Sample a field on a lattice, which may be jittered, only near the surface."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
 
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Vectors
 
 BLOCK_CELLS = 4  # lattice cells along a side of the blocks that are skipped or evaluated as a whole
-LARGEST_GRADIENT = 1.6
-"""Assumed bound on the gradient of a field. Blocks that cannot contain the surface under this bound are skipped."""
+LARGEST_GRADIENT = 1.6  # assumed bound on the gradient of a field; blocks without surface under this bound are skipped
 
 
 class Lattice(NamedTuple):
@@ -59,6 +56,19 @@ def grid(half: NDArray[np.float64], steps: NDArray[np.float64], *, cells: int = 
     counts = cells * np.ceil(2 * half / (cells * steps)).astype(int) + 1
     axes = [step * (np.arange(count) - 0.5 * (count - 1)) for step, count in zip(steps, counts, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def trilinear(at: Vectors, shape: tuple[int, ...]) -> sparse.csr_array:
+    """Return the matrix (n, p q r) that interpolates values at nodes, (p, q, r), to points given in cells."""
+    low = np.clip(np.floor(at).astype(np.int64), 0, np.array(shape) - 2)
+    part = at - low
+    rows, columns, values = [], [], []
+    for corner in np.ndindex(2, 2, 2):
+        rows.append(np.arange(len(at)))
+        columns.append(np.ravel_multi_index(tuple((low + corner).T), shape))
+        values.append(np.where(corner, part, 1 - part).prod(axis=1))
+    size = (len(at), int(np.prod(shape)))
+    return sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=size)
 
 
 def _values(field: DistanceField, nodes: NDArray[np.float64], *, reach: float) -> Values:

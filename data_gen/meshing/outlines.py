@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Points = NDArray[np.float64]
 
-WIDEST_CHORD = 0.5
-"""Largest angle of a chord, 29°, regardless of the tolerance, since CAD kernels bound both."""
+WIDEST_CHORD = 0.5  # largest angle of a chord, 29°, regardless of the tolerance, since CAD kernels bound both
 
 
 class Loop(NamedTuple):
@@ -42,10 +41,7 @@ def circle(radius: float, *, tolerance: float) -> Loop:
 
 
 def rounded(corners: ArrayLike, radii: ArrayLike, *, tolerance: float) -> Loop:
-    """Return a counterclockwise polygon whose corners are replaced by arcs. A radius of 0 keeps the corner.
-
-    Radii are reduced so that each arc takes at most half of a side.
-    """
+    """Return a counterclockwise polygon with arcs at corners with a radius, each of at most half of a side."""
     places = np.asarray(corners, np.float64)
     arcs = np.broadcast_to(np.asarray(radii, np.float64), len(places))
     back, ahead = np.roll(places, 1, axis=0) - places, np.roll(places, -1, axis=0) - places

@@ -13,8 +13,7 @@ from cascadenorm.mesh import Floats
 
 Triangles = NDArray[np.int64]
 
-FLAT_AREA = 1e-9
-"""Twice the area of a triangle relative to the square of its longest side, below which it counts as flat."""
+FLAT_AREA = 1e-9  # twice the area of a triangle, in squares of its longest side, below which it counts as flat
 
 
 class PolygonError(ValueError):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from cascadenorm.data_gen.meshing.lattice import Lattice
+from cascadenorm.data_gen.meshing.lattice import Lattice, trilinear
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 
@@ -108,25 +108,20 @@ def find_crossings(field: DistanceField, lattice: Lattice) -> Crossings:
     points = start + _roots(field, start, stop, low, high)[:, None] * (stop - start)
     inside = axes < 0
     if inside.any():
-        points[inside] = _interpolated(lattice, found[inside])
+        nodes_of_lattice = lattice.nodes.reshape(-1, 3)
+        points[inside] = trilinear(found[inside], lattice.values.shape) @ nodes_of_lattice
     rising = low < high
-    orientation = np.einsum("ij,ij->i", *_facing(lattice, points, triangles, cells))
-    return Crossings(points, triangles if orientation.sum() > 0 else triangles[:, ::-1], nodes, axes, rising, cells)
+    triangles = triangles if _face_upward(lattice, points[triangles], cells) else triangles[:, ::-1]
+    return Crossings(points, triangles, nodes, axes, rising, cells)
 
 
-def _facing(
-    lattice: Lattice, points: Vectors, triangles: NDArray[np.int32], cells: NDArray[np.int64]
-) -> tuple[Vectors, Vectors]:
-    """Return the area vectors of the triangles, and the direction in which the values rise across their cells."""
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    rise = np.zeros((len(triangles), 3))
-    for corner in np.ndindex(2, 2, 2):
-        at = tuple((cells + corner).T)
-        rise += np.sign(lattice.values[at])[:, None] * (lattice.nodes[at] - lattice.nodes[tuple(cells.T)])
-    middle = sum(lattice.nodes[tuple((cells + corner).T)] for corner in np.ndindex(2, 2, 2)) / 8
-    signs = sum(np.sign(lattice.values[tuple((cells + corner).T)]) for corner in np.ndindex(2, 2, 2))
-    rise -= np.asarray(signs)[:, None] * (middle - lattice.nodes[tuple(cells.T)])
-    return np.cross(b - a, c - a), rise
+def _face_upward(lattice: Lattice, corners: NDArray[np.float64], cells: NDArray[np.int64]) -> bool:
+    """Whether triangles, (m, 3, 3), face the direction in which the values rise across their cells, on the whole."""
+    around = tuple(np.moveaxis(cells[:, None] + np.array(list(np.ndindex(2, 2, 2))), -1, 0))  # (m, 8) nodes
+    from_middle = lattice.nodes[around] - lattice.nodes[around].mean(axis=1, keepdims=True)
+    rise = np.einsum("mk,mkd->md", np.sign(lattice.values[around]), from_middle)
+    a, b, c = np.moveaxis(corners, 1, 0)
+    return bool(np.einsum("md,md->", np.cross(b - a, c - a), rise) > 0)
 
 
 def _roots(field: DistanceField, start: Vectors, stop: Vectors, low: Values, high: Values) -> Values:
@@ -150,17 +145,6 @@ def _roots(field: DistanceField, start: Vectors, stop: Vectors, low: Values, hig
         if len(open_) == 0:
             break
     return np.clip(share, 0, 1)
-
-
-def _interpolated(lattice: Lattice, at: Vectors) -> Vectors:
-    """Return trilinearly interpolated positions between nodes."""
-    low = np.floor(at).astype(np.int64)
-    part = at - low
-    total = np.zeros(at.shape)
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.where(corner, part, 1 - part).prod(axis=1)
-        total += weight[:, None] * lattice.nodes[tuple((low + corner).T)]
-    return total
 
 
 def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:

@@ -22,17 +22,12 @@ from cascadenorm.data_gen.meshing.half_edges import (
     shape,
     split,
 )
-from cascadenorm.mesh import Floats, Ints, Vectors, kernel
+from cascadenorm.mesh import Floats, Ints, kernel
 from cascadenorm.mesh.vectors import add, dot, length
 
 LONG, SHORT = 4 / 3, 4 / 5  # bounds relative to the target length (Botsch and Kobbelt 2004)
 THIN_QUALITY = 0.06  # triangles of lower quality than this are repaired
 TINY_EDGE = 0.12  # edges shorter than this share of the target are artefacts of the polygoniser, even along creases
-
-
-def collapse_short(half_edges: HalfEdges, *, bound: float = SHORT) -> None:
-    """Collapse edges shorter than `bound` target lengths where this preserves creases and the surface."""
-    _collapse_short(half_edges, bound)
 
 
 def flip_edges(half_edges: HalfEdges, *, rule: Literal["valence", "delaunay"]) -> None:
@@ -45,11 +40,6 @@ def mend(half_edges: HalfEdges) -> None:
     for _ in range(4):
         if not _mend(half_edges):
             return
-
-
-def slide(half_edges: HalfEdges, *, share: float) -> None:
-    """Move smooth vertices within their tangent plane, and crease ones along the crease, to the mean around them."""
-    half_edges.points[:] = _slide(half_edges, share)
 
 
 @kernel
@@ -81,7 +71,8 @@ def split_long(c: HalfEdges) -> None:
 
 
 @kernel
-def _collapse_short(c: HalfEdges, bound: float) -> None:
+def collapse_short(c: HalfEdges, bound: float) -> None:
+    """Collapse edges shorter than `bound` target lengths where this preserves creases and the surface."""
     ring, other = np.empty(RING, np.int64), np.empty(RING, np.int64)
     for k in range(3 * c.used[1]):
         h = k
@@ -122,10 +113,8 @@ def faces_survive(c: HalfEdges, v: int, gone: int, place: Floats, longest: float
             continue
         if distance(place, c.points[p]) > longest:
             return False
-        old, new = (
-            doubled_area_vector(c.points[v], c.points[p], c.points[q]),
-            doubled_area_vector(place, c.points[p], c.points[q]),
-        )
+        old = doubled_area_vector(c.points[v], c.points[p], c.points[q])
+        new = doubled_area_vector(place, c.points[p], c.points[q])
         quality = shape(c.points[v], c.points[p], c.points[q])
         if quality > 0.05 and dot(old, new) < 0.8 * length(old) * length(new):
             return False
@@ -241,7 +230,8 @@ def _mend(c: HalfEdges) -> int:
 
 
 @kernel
-def _slide(c: HalfEdges, share: float) -> Vectors:
+def slide(c: HalfEdges, share: float) -> None:
+    """Move smooth vertices within their tangent plane, and crease ones along the crease, to the mean around them."""
     ring = np.empty(RING, np.int64)
     moved = c.points.copy()
     for v in range(c.used[0]):
@@ -275,4 +265,4 @@ def _slide(c: HalfEdges, share: float) -> Vectors:
         normal /= size
         along = (goal * normal).sum()
         moved[v] += along * normal if c.kind[v] == CREASE else goal - along * normal
-    return moved
+    c.points[:] = moved

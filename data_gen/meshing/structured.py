@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, fit
-from cascadenorm.data_gen.noise.relief import log_uniform
 from cascadenorm.data_gen.shapes.patterns import noise
+from cascadenorm.data_gen.shapes.placement import log_uniform
 from cascadenorm.mesh import Mesh, Vectors
 
 FEWEST_CAGE_FACES = 60
@@ -93,9 +93,8 @@ def _terrain(faces: int, rng: np.random.Generator) -> Mesh:
     for _ in range(rng.integers(1, 5)):
         wavelength = log_uniform((4.0, 60.0), rng=rng)
         form = rng.choice(["smooth", "ridged", "billowed"])
-        heights += (
-            wavelength * log_uniform((0.01, 0.2), rng=rng) * noise(wavelength=wavelength, form=form, rng=rng)(points)
-        )
+        height = wavelength * log_uniform((0.01, 0.2), rng=rng)
+        heights += height * noise(wavelength=wavelength, form=form, rng=rng)(points)
     if rng.random() < 0.3:
         step = log_uniform((0.002, 0.05), rng=rng)
         heights = np.round(heights / step) * step
@@ -107,10 +106,7 @@ STRUCTURED: tuple[Callable[[int, np.random.Generator], Mesh], ...] = (_torus, _r
 
 
 def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
-    """Make a surface over a grid of parameters with about `faces` faces.
-
-    Raises UnfitShapeError if it is not manifold or has degenerate faces.
-    """
+    """Make a surface over a grid of parameters with about `faces` faces; raise UnfitShapeError if it is invalid."""
     mesh = STRUCTURED[rng.integers(len(STRUCTURED))](faces, rng)
     fit(mesh)
     return mesh
@@ -127,13 +123,11 @@ def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh
         raise UnfitShapeError("the cage has too few faces")
     cage = thinned(mesh, faces=cage_faces, evenness=float(10 ** rng.uniform(-4, -1)))
     smooth = bool(rng.random() < 0.75)
-    vertices: Vectors = cage.vertices
-    triangles = cage.faces
+    subdivide: Callable[..., tuple[Vectors, NDArray[np.int32]]]
+    subdivide = trimesh.remesh.subdivide_loop if smooth else trimesh.remesh.subdivide
+    vertices, triangles = cage.vertices, cage.faces
     for _ in range(levels):
-        if smooth:
-            vertices, triangles = trimesh.remesh.subdivide_loop(vertices, triangles)  # type: ignore[no-untyped-call]
-        else:
-            vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)  # type: ignore[no-untyped-call]
+        vertices, triangles = subdivide(vertices, triangles)
     fine = Mesh(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32))
     fit(fine)
     return fine

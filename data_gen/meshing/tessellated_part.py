@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.data_gen.meshing.polygon_triangulation import triangulated
 from cascadenorm.mesh import Floats, Mesh
 
-Ring = NDArray[np.int64]
-"""Indices of the vertices along a loop, counterclockwise as seen from above, or from the end of a sweep."""
+Ring = NDArray[np.int64]  # vertices along a loop, counterclockwise seen from above, or from the end of a sweep
 
 
 class PartBuilder:

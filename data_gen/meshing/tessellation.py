@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.data_gen.meshing.decimate import decimate
 from cascadenorm.data_gen.meshing.half_edges import CORNER, SMOOTH, HalfEdges, half_edges_of, is_manifold, mesh_of
 from cascadenorm.data_gen.meshing.polygonise import gradients, meeting_points, projected
-from cascadenorm.data_gen.meshing.remesh import collapse_short, flip_edges, mend, slide, split_long
+from cascadenorm.data_gen.meshing.remesh import SHORT, collapse_short, flip_edges, mend, slide, split_long
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, fit, polygonised
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.patterns import noise
@@ -109,10 +109,10 @@ def field_normals(field: DistanceField, mesh: Mesh) -> Vectors:
 
 def _lattice(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Keep the stairs and stripes of the lattice and remove only slivers."""
-    collapse_short(half_edges, bound=rng.uniform(0.25, 0.45))
+    collapse_short(half_edges, rng.uniform(0.25, 0.45))
     flip_edges(half_edges, rule="delaunay")
     for _ in range(rng.integers(0, 3)):
-        slide(half_edges, share=rng.uniform(0.2, 0.6))
+        slide(half_edges, rng.uniform(0.2, 0.6))
     settle(field, half_edges)
 
 
@@ -120,13 +120,13 @@ def _relaxed(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generat
     rule: Literal["valence", "delaunay"] = "valence" if rng.random() < 0.6 else "delaunay"
     for round_ in range(rounds):
         split_long(half_edges)
-        collapse_short(half_edges)
+        collapse_short(half_edges, SHORT)
         flip_edges(half_edges, rule=rule)
-        slide(half_edges, share=0.6)
+        slide(half_edges, 0.6)
         if round_ >= rounds - 2:
             settle(field, half_edges)
-            slide(half_edges, share=0.4)
-    collapse_short(half_edges, bound=0.3)
+            slide(half_edges, 0.4)
+    collapse_short(half_edges, 0.3)
     flip_edges(half_edges, rule="delaunay")
     settle(field, half_edges)
 
@@ -165,23 +165,19 @@ def _jittered(field: DistanceField, half_edges: HalfEdges, rng: np.random.Genera
     half_edges.points[free] += amount * rng.normal(size=(len(free), 3))
     settle(field, half_edges)
     flip_edges(half_edges, rule="delaunay")
-    collapse_short(half_edges, bound=0.35)
+    collapse_short(half_edges, 0.35)
 
 
 def _decimated(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
     """Decimate a finer mesh into triangles of all shapes, larger where the surface is flat."""
-    wanted = 4 / np.sqrt(3) * half_edges.length[0] ** -2 * _area(half_edges)
-    collapse_short(half_edges, bound=0.2)
+    wanted = 4 / np.sqrt(3) * half_edges.length[0] ** -2 * mesh_of(half_edges).area
+    collapse_short(half_edges, 0.2)
     flip_edges(half_edges, rule="delaunay")
-    slide(half_edges, share=0.5)
+    slide(half_edges, 0.5)
     settle(field, half_edges)
     decimate(half_edges, faces=int(wanted), evenness=float(10 ** rng.uniform(-4, -1)))
     if rng.random() < 0.7:
         flip_edges(half_edges, rule="delaunay")
-
-
-def _area(half_edges: HalfEdges) -> float:
-    return mesh_of(half_edges).area
 
 
 def _halved(field: DistanceField, mesh: Mesh, *, sharp: bool) -> HalfEdges:

@@ -1,20 +1,23 @@
-"""Kinds of noise on vertices."""
+"""Random displacements of vertices: kinds of noise, and smooth relief that belongs to the shape."""
 
 from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
 
-from cascadenorm.data_gen.noise.laser import laser_displacements
-from cascadenorm.data_gen.noise.sensor import blurred, neighbor_means, sensor_displacements
+from cascadenorm.data_gen.noise.sensor import blurred, laser_displacements, neighbor_means, sensor_displacements
 from cascadenorm.data_gen.shapes.fields import Values
-from cascadenorm.data_gen.shapes.patterns import noise as drift
-from cascadenorm.data_gen.shapes.placement import random_rotation
+from cascadenorm.data_gen.shapes.patterns import noise
+from cascadenorm.data_gen.shapes.placement import log_uniform, random_rotation
 from cascadenorm.mesh import Mesh, Vectors
 
 WIDEST_NOISE = 40  # largest number of neighbour averages of correlated noise, which then extends over eight edges
 WHITE_SHARE = 0.15, 0.8  # deviation of the white noise added to correlated noise, as a share of the latter
 FINEST = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
+WAVELENGTHS = 3.5, 16.0  # wavelengths of patterns and sines, in mean edge lengths
+STEEPNESS = 0.01, 0.16  # ratio of the height of patterns and sines to their wavelength
+RELIEF_PASSES = 2.0, 40.0  # averages of white noise over neighbours
+RELIEF_HEIGHTS = 0.05, 1.0  # root mean square of averaged white noise, in mean edge lengths
 
 NoiseKind = Literal[
     "normal", "gaussian", "uniform", "impulsive", "varying", "mixed", "correlated", "quantised", "sensor", "laser",
@@ -74,7 +77,7 @@ def _impulsive(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vector
 
 
 def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    pattern = drift(wavelength=rng.uniform(0.2, 0.8) * mesh.diagonal, rng=rng)
+    pattern = noise(wavelength=rng.uniform(0.2, 0.8) * mesh.diagonal, rng=rng)
     factor = np.exp(2 * pattern(mesh.vertices))
     return _along_normals(mesh, factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor)))
 
@@ -116,7 +119,26 @@ _KINDS: dict[NoiseKind, Callable[[Mesh, float, np.random.Generator], Vectors]] =
     "mixed": _mixed,
     "correlated": _correlated,
     "quantised": _quantised,
-    "sensor": lambda mesh, deviation, rng: sensor_displacements(mesh, deviation, rng=rng),
-    "laser": lambda mesh, deviation, rng: laser_displacements(mesh, deviation, rng=rng),
+    "sensor": sensor_displacements,
+    "laser": laser_displacements,
     "none": lambda mesh, deviation, rng: np.zeros(mesh.vertices.shape),
 }
+
+
+def relief(mesh: Mesh, *, rng: np.random.Generator) -> Vectors:
+    """Draw a smooth displacement along the normals, 3 to 40 edges wide. Returns (n, 3) displacements in mesh units."""
+    kind = rng.choice(["averaged", "pattern", "sines"], p=[0.4, 0.36, 0.24])
+    if kind == "averaged":
+        white = rng.normal(size=len(mesh.vertices))
+        heights = blurred(white, neighbor_means(mesh), round(log_uniform(RELIEF_PASSES, rng=rng)))
+        heights *= log_uniform(RELIEF_HEIGHTS, rng=rng) * mesh.mean_edge_length / np.sqrt(np.mean(heights**2))
+    else:
+        wavelength = log_uniform(WAVELENGTHS, rng=rng) * mesh.mean_edge_length
+        height = wavelength * log_uniform(STEEPNESS, rng=rng)
+        if kind == "pattern":
+            heights = height * noise(wavelength=wavelength, rng=rng)(mesh.vertices)
+        else:
+            turned = mesh.vertices @ random_rotation(rng=rng) * (2 * np.pi / wavelength) + rng.uniform(0, 2 * np.pi, 3)
+            waves = np.sin(turned)
+            heights = height * (waves.prod(axis=1) if rng.random() < 0.5 else waves.sum(axis=1) / 2)
+    return np.asarray(heights[:, None] * mesh.vertex_normals)

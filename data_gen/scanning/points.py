@@ -1,12 +1,11 @@
 """Screened Poisson reconstructions from noisy oriented points."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, sparse
+from scipy import fft
+from scipy.sparse.linalg import LinearOperator, cg
 
-from cascadenorm.data_gen.meshing.lattice import grid
+from cascadenorm.data_gen.meshing.lattice import grid, trilinear
 from cascadenorm.data_gen.meshing.polygonise import gradients, projected
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
@@ -86,7 +85,7 @@ def poisson(
     inverts. Returns values at the nodes (p, q, r, 3), which are `cell` apart: (p, q, r), above 0.5 inside.
     """
     shape = nodes.shape[:3]
-    interpolation = _trilinear((points - nodes[0, 0, 0]) / cell, shape)
+    interpolation = trilinear((points - nodes[0, 0, 0]) / cell, shape)
     waves = [2 * np.pi * fft.fftfreq(n) for n in shape[:2]] + [2 * np.pi * fft.rfftfreq(shape[2])]
     waves = [wave.reshape([-1 if d == k else 1 for d in range(3)]) for k, wave in enumerate(waves)]
     squares = waves[0] ** 2 + waves[1] ** 2 + waves[2] ** 2
@@ -115,36 +114,9 @@ def poisson(
         pulled = interpolation.T @ (pull * (interpolation @ values))
         return np.asarray(inverse(squares * transformed(values)) + pulled)
 
-    solution = _conjugate_gradients(applied, lambda values: inverse(transformed(values) / (squares + STIFFNESS)), right)
+    def conditioned(values: Values) -> Values:
+        return inverse(transformed(values) / (squares + STIFFNESS))
+
+    system, conditioner = (LinearOperator((right.size,) * 2, apply, dtype=float) for apply in (applied, conditioned))
+    solution, _ = cg(system, right, rtol=0, maxiter=SOLVER_ROUNDS, M=conditioner)
     return np.asarray(0.5 + (solution - np.median(interpolation @ solution)).reshape(shape))
-
-
-def _conjugate_gradients(
-    applied: Callable[[Values], Values], conditioned: Callable[[Values], Values], right: Values
-) -> Values:
-    """Solve a system by SOLVER_ROUNDS steps of preconditioned conjugate gradients from zero."""
-    solution, residual = np.zeros(right.size), right
-    search: Values = np.zeros(right.size)
-    product = 1.0
-    for _ in range(SOLVER_ROUNDS):
-        downhill = conditioned(residual)
-        product, before = float(residual @ downhill), product
-        search = downhill + product / before * search
-        image = applied(search)
-        step = product / (search @ image)
-        solution, residual = solution + step * search, residual - step * image
-    return solution
-
-
-def _trilinear(at: Vectors, shape: tuple[int, ...]) -> sparse.csr_array:
-    """Return the matrix (n, p q r) that interpolates values at nodes to points given in cells."""
-    low = np.clip(np.floor(at).astype(np.int64), 0, np.array(shape) - 2)
-    part = at - low
-    rows, columns, values = [], [], []
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, part, 1 - part), axis=1)
-        rows.append(np.arange(len(at)))
-        columns.append(np.ravel_multi_index(tuple((low + corner).T), shape))
-        values.append(weight)
-    size = (len(at), int(np.prod(shape)))
-    return sparse.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=size)

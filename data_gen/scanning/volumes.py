@@ -15,8 +15,7 @@ from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.mesh import Mesh, Vectors, scatter_add
 from cascadenorm.mesh.averages import averaged
 
-Volume = NDArray[np.float64]
-"""(p, q, r), one value per voxel, above 0.5 inside."""
+Volume = NDArray[np.float64]  # (p, q, r), one value per voxel, above 0.5 inside
 
 MARGIN_VOXELS = 3  # voxels around the shape
 SMALLEST_COMPONENT = 0.05  # smaller components, relative to the largest one, are dropped: grain makes islands
@@ -78,10 +77,7 @@ def _enlarged(distance: Volume, *, binary: bool) -> Volume:
 
 
 def tomogram(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
-    """Mesh a level of a grey volume with a point spread and grain that is correlated between neighbours.
-
-    The level is the deviation of the grain, in fifths of the contrast.
-    """
+    """Mesh a level of a blurred grey volume with correlated grain; the level is its deviation in fifths of contrast."""
     stretch = float(rng.uniform(1, 2)) if rng.random() < 0.3 else 1.0
     nets, kept = _mesher(rng=rng)
     voxel = float(np.sqrt(GREY * extent.area / (faces / kept) / stretch**0.6))
@@ -121,39 +117,32 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
     so that the quadrilaterals are voxel faces.
     """
     inside = volume > 0.5
-    number = np.full(np.array(volume.shape) - 1, -1, np.int64)  # number of the vertex of each cell
-    crossings, cells, places = [], [], []
+    shape = tuple(side - 1 for side in volume.shape)  # numbers of cells
+    cells, places, turned = [], [], []
     for axis in range(3):
-        low, high = (np.moveaxis(volume, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
-        crossed = np.moveaxis(np.diff(np.moveaxis(inside, axis, 0).astype(np.int8), axis=0) != 0, 0, axis)
+        ends = np.moveaxis(volume, axis, 0)
+        crossed = np.moveaxis(np.diff(np.moveaxis(inside, axis, 0), axis=0), 0, axis)
         node = np.argwhere(crossed)
-        low, high = (np.moveaxis(values, 0, axis)[crossed] for values in (low, high))
+        low, high = (np.moveaxis(values, 0, axis)[crossed] for values in (ends[:-1], ends[1:]))
         place = node.astype(np.float64)
         place[:, axis] += (0.5 - low) / (high - low)
-        others = [k for k in range(3) if k != axis]
-        for shift in np.ndindex(2, 2):  # the four cells around a crossing
-            cell = node.copy()
-            cell[:, others] -= shift
-            if cell.min(initial=0) < 0 or (cell >= number.shape).any():
-                raise UnfitShapeError("the shape reaches the border of the volume")
-            cells.append(np.ravel_multi_index(tuple(cell.T), number.shape))
-            places.append(place)
-        crossings.append((axis, others, node, low > high))
-    used, vertex = np.unique(np.concatenate(cells), return_inverse=True)
-    number.flat[used] = np.arange(len(used))
+        around = node - np.insert(list(np.ndindex(2, 2)), axis, 0, axis=1)[:, None]  # the four cells at each crossing
+        if around.min(initial=0) < 0 or (around >= shape).any():
+            raise UnfitShapeError("the shape reaches the border of the volume")
+        cells.append(np.ravel_multi_index(tuple(np.moveaxis(around, -1, 0)), shape))
+        places.append(np.tile(place, (4, 1)))
+        turned.append((low > high) ^ (axis == 1))  # (x, z) about y is a left-handed pair
+    used, vertex = np.unique(np.concatenate([some.ravel() for some in cells]), return_inverse=True)
+    if not len(used):
+        raise UnfitShapeError("the volume has no surface")
     if centered:
-        vertices = np.argwhere(number >= 0) + 0.5
+        vertices = np.stack(np.unravel_index(used, shape), axis=1) + 0.5
     else:
         vertices = scatter_add(vertex, np.concatenate(places), len(used)) / np.bincount(vertex)[:, None]
     triangles = []
-    for axis, others, node, falling in crossings:
-        around = []
-        for shift in ((0, 0), (1, 0), (1, 1), (0, 1)):
-            cell = node.copy()
-            cell[:, others] -= shift
-            around.append(number[tuple(cell.T)])
-        quads = np.stack(around, axis=1)
-        flipped = falling ^ (axis == 1)  # (x, z) about y is a left-handed pair
+    starts = np.cumsum([some.size for some in cells])[:-1]
+    for numbers, flipped in zip(np.split(vertex.ravel(), starts), turned, strict=True):
+        quads = numbers.reshape(4, -1).T[:, [0, 2, 3, 1]]
         quads[~flipped] = quads[~flipped][:, ::-1]
         corners = vertices[quads]
         shorter = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) <= np.linalg.norm(
@@ -161,8 +150,6 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
         )
         quads = np.where(shorter[:, None], quads, np.roll(quads, -1, axis=1))
         triangles += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
-    if not len(vertices):
-        raise UnfitShapeError("the volume has no surface")
     return Mesh(vertices, np.concatenate(triangles).astype(np.int32))
 
 

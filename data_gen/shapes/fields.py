@@ -12,14 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.mesh import Floats, Vectors, kernel
 from cascadenorm.mesh.vectors import dot, length, row, subtract
 
-Values = NDArray[np.float64]
-"""(n,) float64, one value per point."""
+Values = NDArray[np.float64]  # (n,) float64, one value per point
 
-DistanceField = Callable[[Vectors], Values]
-"""Positions to signed distances. Deformed fields approximate distances, and only near the surface."""
+DistanceField = Callable[[Vectors], Values]  # positions to signed distances, which are approximate in deformed fields
 
-Blend = Literal["sharp", "round", "chamfer"]
-"""How the edge between two surfaces is finished."""
+Blend = Literal["sharp", "round", "chamfer"]  # how the edge between two surfaces is finished
 
 
 def norm(vectors: NDArray[np.float64]) -> Values:

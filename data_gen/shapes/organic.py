@@ -206,9 +206,5 @@ def rock(edge: float, rng: np.random.Generator) -> DistanceField:
 
 def _gently_warped(body: DistanceField, rng: np.random.Generator) -> DistanceField:
     wavelength = rng.uniform(0.8, 1.6)
-    warps = (
-        noise(wavelength=wavelength, rng=rng),
-        noise(wavelength=wavelength, rng=rng),
-        noise(wavelength=wavelength, rng=rng),
-    )
+    warps = [noise(wavelength=wavelength, rng=rng) for _ in range(3)]
     return warped(body, warps, amplitude=rng.uniform(0, 0.12) * wavelength)

@@ -1,7 +1,7 @@
-"""Rigid motions and deformations of fields.
+"""Rigid motions and deformations of fields, and the random numbers that describe them."""
 
-The deformations are repetition, mirroring, stretching, twisting, bending, tapering and warping.
-"""
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,12 @@ def random_rotation(*, rng: np.random.Generator) -> Vectors:
 def random_direction(*, rng: np.random.Generator) -> Values:
     """Return a unit vector, uniform over the sphere."""
     return np.asarray(unit(rng.normal(size=(1, 3)))[0])
+
+
+def log_uniform(bounds: tuple[float, float], *, rng: np.random.Generator) -> float:
+    """Return a number whose logarithm is uniform between bounds."""
+    low, high = bounds
+    return math.exp(rng.uniform(math.log(low), math.log(high)))
 
 
 def moved(field: DistanceField, *, by: ArrayLike = (0.0, 0.0, 0.0), rotation: Vectors | None = None) -> DistanceField:
@@ -105,9 +111,7 @@ def tapered(field: DistanceField, *, rate: float) -> DistanceField:
     return taper
 
 
-def warped(
-    field: DistanceField, warps: tuple[DistanceField, DistanceField, DistanceField], *, amplitude: float
-) -> DistanceField:
+def warped(field: DistanceField, warps: Sequence[DistanceField], *, amplitude: float) -> DistanceField:
     """Displace the positions at which the field is evaluated by three scalar patterns."""
     return lambda points: field(points + amplitude * np.stack([warp(points) for warp in warps], axis=1))
 

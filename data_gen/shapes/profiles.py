@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.data_gen.shapes.fields import Blend, DistanceField, Values, computed, intersection, norm
 from cascadenorm.mesh import Floats, Vectors, kernel
 
-Profile = Callable[[NDArray[np.float64]], Values]
-"""(n, 2) positions to signed distances."""
+Profile = Callable[[NDArray[np.float64]], Values]  # (n, 2) positions to signed distances
 
 
 def rectangle(*, half: tuple[float, float]) -> Profile:

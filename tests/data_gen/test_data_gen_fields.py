@@ -6,7 +6,7 @@ import pytest
 from cascadenorm.data_gen import SHAPE_FAMILIES
 from cascadenorm.data_gen.meshing.polygonise import gradients
 from cascadenorm.data_gen.shapes import fields, patterns, placement, profiles
-from cascadenorm.data_gen.shapes.polyhedra import _regular
+from cascadenorm.data_gen.shapes.solids import _regular
 
 
 def points(seed: int, *, count: int = 2000, reach: float = 1.5) -> np.ndarray:

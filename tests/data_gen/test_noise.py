@@ -7,7 +7,7 @@ from shapes import grid, icosphere
 from cascadenorm.data_gen import displacements
 from cascadenorm.data_gen.meshing.lattice import sample
 from cascadenorm.data_gen.meshing.polygonise import dual_contouring
-from cascadenorm.data_gen.noise.relief import relief
+from cascadenorm.data_gen.noise.noise import relief
 from cascadenorm.data_gen.noise.sensor import camera_errors
 from cascadenorm.data_gen.shapes.fields import sphere
 from cascadenorm.mesh import Mesh

@@ -7,10 +7,9 @@ from cascadenorm.data_gen.meshing.decimate import decimate
 from cascadenorm.data_gen.meshing.half_edges import half_edges_of, is_manifold, mesh_of
 from cascadenorm.data_gen.meshing.lattice import sample
 from cascadenorm.data_gen.meshing.polygonise import dual_contouring, marching_cubes
-from cascadenorm.data_gen.meshing.remesh import collapse_short, flip_edges, slide, split_long
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.meshing.remesh import SHORT, collapse_short, flip_edges, slide, split_long
+from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of, untangled
 from cascadenorm.data_gen.meshing.tessellation import Tessellation, creases_of, tessellate
-from cascadenorm.data_gen.meshing.untangle import untangled
 from cascadenorm.data_gen.scanning.views import view
 from cascadenorm.data_gen.shapes import fields, placement
 from cascadenorm.mesh import Mesh, unit
@@ -105,9 +104,9 @@ def test_remeshing_keeps_a_closed_manifold_and_its_volume(rule):
     corners.length[:] = target
     for _ in range(5):
         split_long(corners)
-        collapse_short(corners)
+        collapse_short(corners, SHORT)
         flip_edges(corners, rule=rule)
-        slide(corners, share=0.5)
+        slide(corners, 0.5)
     mesh = mesh_of(corners)
     assert is_manifold(mesh)
     assert (mesh.topology.edge_faces.counts == 2).all()

@@ -10,8 +10,8 @@ from skimage.measure import marching_cubes
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.data_gen.noise.laser import laser_displacements
 from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.noise.sensor import laser_displacements
 from cascadenorm.data_gen.scanning.volumes import surface_nets
 from cascadenorm.detection.error_kind import correlation_length, error_kind
 from cascadenorm.detection.segmentation_steps import is_segmentation

@@ -6,7 +6,7 @@ from shapes import ball_of_voxels, grid, mean_angle
 
 import cascadenorm as cn
 from cascadenorm.data_gen import DatasetConfig, pair
-from cascadenorm.data_gen.scanning.tetrahedra import marching_tetrahedra
+from cascadenorm.data_gen.scanning.isosurfaces import marching_tetrahedra
 from cascadenorm.data_gen.scanning.volumes import volume_surface
 from cascadenorm.learned.methods import treated
 from cascadenorm.mesh import Mesh, angles_between, unit

@@ -6,7 +6,7 @@ import pytest
 from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError
-from cascadenorm.data_gen.scanning.tetrahedra import marching_tetrahedra
+from cascadenorm.data_gen.scanning.isosurfaces import marching_tetrahedra
 from cascadenorm.mesh import angles_between
 
 
