@@ -79,17 +79,8 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
 
 
 @kernel
-def _tensor_weights(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    faces: Ints32,
-    lengths: Floats,
-    normals: Vectors,
-    scale: float,
-    weights: Floats,
-    areas: Floats,
-) -> None:
+def _tensor_weights(start: int, stop: int, vertices: Vectors, faces: Ints32, lengths: Floats, normals: Vectors,
+                    scale: float, weights: Floats, areas: Floats) -> None:  # fmt: skip
     """Weight of each side, -A ∇φ_k·a ∇φ_(k+1), in the plane of a face with the given lengths of its sides."""
     gradient = np.empty((3, 2))
     for f in range(start, stop):

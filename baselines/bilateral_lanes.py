@@ -14,8 +14,7 @@ from numba.extending import intrinsic
 
 from cascadenorm.mesh import Csr
 
-LANES = 4
-"""Filters side by side: numbers of single precision in a vector register."""
+LANES = 4  # filters side by side: numbers of single precision in a vector register
 
 
 @intrinsic
@@ -55,10 +54,6 @@ class _Instructions:
         """Return an entry of an array."""
         return self.builder.load(self._at(name, *index))
 
-    def vector(self, name: str, *index: Any) -> Any:
-        """Return the lanes of an array."""
-        return self._loaded(self._vector_at(name, *index))
-
     def splat(self, number: Any) -> Any:
         """Return a vector with the number in all lanes."""
         vector = ir.Constant(self.lanes, ir.Undefined)
@@ -79,7 +74,7 @@ class _Instructions:
     def weighted_sums(self, face: Any, mine: list[Any]) -> list[Any]:
         """Return the sums of the normals of the neighbours by their weights, to which the face itself adds."""
         builder = self.builder
-        steep, weight = self.vector("steepness"), self.splat(self.entry("own", face))
+        steep, weight = self._loaded(self._vector_at("steepness")), self.splat(self.entry("own", face))
         first, last = (self.entry("indptr", row) for row in (face, builder.add(face, self.axes[1])))
 
         # two neighbours at a time in vectors of twice the length, which is faster

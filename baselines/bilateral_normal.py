@@ -1,19 +1,22 @@
-"""Bilateral filtering of face normals (Zheng, Fu, Au, Tai 2011), and the vertices that go with them."""
+"""Bilateral filtering of face normals, in passes or by one sparse solve (Zheng, Fu, Au, Tai 2011)."""
 
 from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import VertexFit, filter_rings, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_vertices
 from cascadenorm.compute.elementary import exp
 from cascadenorm.execution.progress import track
-from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.mesh.vectors import length, row, squared_distance
+from cascadenorm.geometry.sparse_solvers import solve_preconditioned
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import add, divided, length, row, scaled, squared_distance
 from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
+
+LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours
 
 SpatialSpread = Annotated[float, Parameter("Spread of the spatial weight", "mean edge lengths", minimum=1e-6)]
 RangeSpread = Annotated[
@@ -23,6 +26,9 @@ Center = Annotated[
     Literal["skip", "count"], Parameter("Whether the average over the neighbours includes the face itself")
 ]
 Passes = Annotated[int, Parameter("Number of passes over the normals", minimum=0)]
+Fidelity = Annotated[
+    float, Parameter("λ, weight of fidelity to the input normals relative to smoothness", above=0, maximum=1)
+]
 
 
 @method("bilateral-normal", source="Zheng, Fu, Au, Tai 2011 (local scheme)", family="normals", rings=filter_rings)
@@ -122,18 +128,8 @@ def _spatial_weights(
 
 
 @kernel
-def _bilateral_pass(
-    start: int,
-    stop: int,
-    normals: Vectors,
-    guide: Vectors,
-    given: Vectors,
-    own: Floats,
-    rings: Csr,
-    weights: Floats,
-    spread: float,
-    out: Vectors,
-) -> None:
+def _bilateral_pass(start: int, stop: int, normals: Vectors, guide: Vectors, given: Vectors, own: Floats, rings: Csr,
+                    weights: Floats, spread: float, out: Vectors) -> None:  # fmt: skip
     shares = np.empty(64)
     for f in range(start, stop):
         first, count = rings.indptr[f], rings.indptr[f + 1] - rings.indptr[f]
@@ -147,19 +143,85 @@ def _bilateral_pass(
             shares[k] = weights[first + k] * exp(shares[k])
 
         # the sum of the normals
-        x, y, z = own[f] * given[f, 0], own[f] * given[f, 1], own[f] * given[f, 2]
+        total = scaled(own[f], row(given, f))
         for k in range(count):
-            g = rings.indices[first + k]
-            x += shares[k] * normals[g, 0]
-            y += shares[k] * normals[g, 1]
-            z += shares[k] * normals[g, 2]
+            total = add(total, scaled(shares[k], row(normals, rings.indices[first + k])))
 
         # at length 1
-        largest = max(abs(x), abs(y), abs(z))
+        largest = max(abs(total[0]), abs(total[1]), abs(total[2]))
         if 0.0 < largest < 1e-140:  # whose squares vanish
-            x, y, z = x / largest, y / largest, z / largest
-        size = length((x, y, z))
-        if size > 0:
-            out[f, 0], out[f, 1], out[f, 2] = x / size, y / size, z / size
-        else:
-            out[f, 0], out[f, 1], out[f, 2] = row(normals, f)
+            total = divided(total, largest)
+        size = length(total)
+        out[f, 0], out[f, 1], out[f, 2] = divided(total, size) if size > 0 else row(normals, f)
+
+
+@method("bilateral-normal-global", source="Zheng, Fu, Au, Tai 2011 (global scheme)", family="normals")
+def bilateral_normal_global(
+    mesh: Mesh,
+    *,
+    sigma_s: SpatialSpread = 1.0,
+    sigma_r: RangeSpread = 0.6,
+    fidelity: Fidelity = 0.01,
+    sweeps: Sweeps = 10,
+    fit: VertexFit = "sweeps",
+) -> Vectors:
+    """Find normals that are bilateral means of each other and near the given ones, then fit the vertices to them.
+
+    Formula
+    -------
+    minimise (1 - λ) Σ_f A_f |(Ln)_f|² + λ Σ_f A_f |n_f - n*_f|²
+    (Ln)_f = n_f - Σ_g w_fg n_g / Σ_g w_fg,   w as in bilateral-normal, from the given normals n*
+
+    Limits
+    ------
+    The weights are those of the noisy normals throughout, so heavy noise is taken for edges. The cost is that of one
+    sparse system of the size of the faces.
+    """
+    normals = global_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, fidelity=fidelity)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+
+
+def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: float) -> Vectors:
+    """Minimise (1 - λ) Σ A_f |(Ln)_f|² + λ Σ A_f |n_f - n*_f|², and normalise.
+
+    (Ln)_f is n_f less the bilateral mean of the normals around it, with weights from the given normals n*. The system
+    ((1 - λ) LᵀAL + λA) n = λA n* is solved by conjugate gradients, since its factors would not be sparse.
+    """
+    difference = bilateral_difference(mesh, sigma_s=sigma_s, sigma_r=sigma_r)
+    areas = np.maximum(mesh.areas, LEAST_AREA * (mesh.areas.mean() or 1.0))
+
+    def apply(values: NDArray[np.float64]) -> Any:
+        return (1 - fidelity) * (difference.T @ (areas * (difference @ values))) + fidelity * areas * values
+
+    diagonal = (1 - fidelity) * (difference.multiply(difference).T @ areas) + fidelity * areas
+    system = scipy.sparse.linalg.LinearOperator((len(areas), len(areas)), apply, dtype=np.float64)
+    right = fidelity * areas[:, None] * mesh.face_normals
+    solution = solve_preconditioned(system, right, lambda residual: residual / diagonal)
+    return unit(solution, otherwise=mesh.face_normals)
+
+
+def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
+    """Return L, (m, m) sparse: the value of a face less the bilateral mean around it; 0 where all weights vanish."""
+    rings = mesh.topology.face_rings(1)
+    weights = spatial_weights(mesh, rings, sigma_s)
+    count = len(mesh.faces)
+    own = np.empty(count)
+    parallel_for(count, _to_difference, mesh.face_normals, rings, 0.5 / sigma_r**2, weights, own)
+    means = scipy.sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
+    return scipy.sparse.csr_array(scipy.sparse.diags_array(own) + means)
+
+
+@kernel
+def _to_difference(
+    start: int, stop: int, normals: Vectors, rings: Csr, spread: float, weights: Floats, own: Floats
+) -> None:
+    """Turn spatial weights into the entries of L beside the diagonal, and give those on it."""
+    for f in range(start, stop):
+        total = 0.0
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            g = rings.indices[k]
+            weights[k] *= np.exp(-spread * squared_distance(row(normals, g), row(normals, f)))
+            total += weights[k]
+        own[f] = 1.0 if total > 0.0 else 0.0
+        for k in range(rings.indptr[f], rings.indptr[f + 1]):
+            weights[k] = -weights[k] / total if total > 0.0 else 0.0

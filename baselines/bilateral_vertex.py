@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, row_distances, unit
-from cascadenorm.mesh.vectors import dot, row, squared_distance, subtract
+from cascadenorm.mesh.vectors import add, divided, dot, row, scaled, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 
 NEIGHBOR_CUTOFF = 2.0  # spreads beyond which a neighbour is left out
@@ -102,16 +102,8 @@ def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
 
 
 @kernel
-def _bilateral_step(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    normals: Vectors,
-    spreads: Floats,
-    height_spread: float,
-    near: Csr,
-    moved: Vectors,
-) -> None:
+def _bilateral_step(start: int, stop: int, vertices: Vectors, normals: Vectors, spreads: Floats, height_spread: float,
+                    near: Csr, moved: Vectors) -> None:  # fmt: skip
     for i in range(start, stop):
         place, normal = row(vertices, i), row(normals, i)
 
@@ -139,71 +131,38 @@ def _bilateral_step(
                 step += w * h
                 total += w
             step /= total  # the vertex itself weighs 1
-        for d in range(3):
-            moved[i, d] = place[d] + step * normal[d]
+        moved[i, 0], moved[i, 1], moved[i, 2] = add(place, scaled(step, normal))
 
 
 @kernel
-def _centroid_means(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    centroids: Vectors,
-    areas: Floats,
-    spread: float,
-    near: Csr,
-    means: Vectors,
-) -> None:
+def _centroid_means(start: int, stop: int, vertices: Vectors, centroids: Vectors, areas: Floats, spread: float,
+                    near: Csr, means: Vectors) -> None:  # fmt: skip
     """Take the Gaussian mean of near centroids; a vertex without any stays."""
     for i in range(start, stop):
         # vectors to near centroids, weighted by area and distance
-        x = y = z = total = 0.0
+        move, total = (0.0, 0.0, 0.0), 0.0
         for k in range(near.indptr[i], near.indptr[i + 1]):
             f = near.indices[k]
             way = subtract(row(centroids, f), row(vertices, i))
             w = areas[f] * np.exp(-0.5 * dot(way, way) / (spread * spread))
-            x += w * way[0]
-            y += w * way[1]
-            z += w * way[2]
-            total += w
-
-        # the mean
-        total = total if total > 0.0 else 1.0
-        means[i, 0] = vertices[i, 0] + x / total
-        means[i, 1] = vertices[i, 1] + y / total
-        means[i, 2] = vertices[i, 2] + z / total
+            move, total = add(move, scaled(w, way)), total + w
+        mean = divided(move, total if total > 0.0 else 1.0)
+        means[i, 0], means[i, 1], means[i, 2] = add(row(vertices, i), mean)
 
 
 @kernel
-def _projection_means(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    centroids: Vectors,
-    areas: Floats,
-    normals: Vectors,
-    spread: float,
-    influence: float,
-    near: Csr,
-    out: Vectors,
-) -> None:
+def _projection_means(start: int, stop: int, vertices: Vectors, centroids: Vectors, areas: Floats, normals: Vectors,
+                      spread: float, influence: float, near: Csr, out: Vectors) -> None:  # fmt: skip
     """Take the weighted mean of the projections onto the planes of near faces; a vertex without any stays."""
     for i in range(start, stop):
         # vectors to the planes, weighted by area, distance of the centroid and height over the plane
-        x = y = z = total = 0.0
+        move, total = (0.0, 0.0, 0.0), 0.0
         for k in range(near.indptr[i], near.indptr[i + 1]):
             f = near.indices[k]
             way = subtract(row(centroids, f), row(vertices, i))
             height = dot(row(normals, f), way)
             distance = dot(way, way) / (spread * spread)
             w = areas[f] * np.exp(-0.5 * (distance + height * height / (influence * influence)))
-            x += w * height * normals[f, 0]
-            y += w * height * normals[f, 1]
-            z += w * height * normals[f, 2]
-            total += w
-
-        # the mean
-        total = total if total > 0.0 else 1.0
-        out[i, 0] = vertices[i, 0] + x / total
-        out[i, 1] = vertices[i, 1] + y / total
-        out[i, 2] = vertices[i, 2] + z / total
+            move, total = add(move, scaled(w * height, row(normals, f))), total + w
+        mean = divided(move, total if total > 0.0 else 1.0)
+        out[i, 0], out[i, 1], out[i, 2] = add(row(vertices, i), mean)

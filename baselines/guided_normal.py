@@ -5,14 +5,14 @@ normal of the most consistent patch around, or the Gaussian mean. Vertices follo
 sees the normals that the mesh really has.
 """
 
+from collections.abc import Mapping
 from functools import partial
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass, spatial_weights
-from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import faces_near
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
@@ -39,8 +39,7 @@ Radius = Annotated[
         above=0,
     ),
 ]
-FIRST_REACH = 10
-"""Edges around a face within which a pass is first taken to see the mesh; its neighbourhoods are by distance."""
+FIRST_REACH = 10  # edges around a face that a pass is first assumed to depend on; neighbourhoods are by distance
 GuidedDistance = Annotated[
     float | None,
     Parameter(
@@ -75,15 +74,17 @@ def guided_normal(
     Patches span about two rings: features narrower than that, and corners where many edges meet, blur or shift. On
     organic shapes flat patches can turn into facets.
     """
-    chosen = guided_filter(guidance, sigma_r, iterations)
+    usual_spread, usual_passes = (0.45, 10) if guidance == "patch" else (0.15, 20)
+    sigma_r = usual_spread if sigma_r is None else sigma_r
     start, radius = mesh, 2 * centroid_distance(mesh) if radius is None else radius
     neighbors = None if active_patching(mesh) else faces_within(mesh, radius)
-    for _ in track(chosen.iterations):
+    for _ in track(usual_passes if iterations is None else iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
+        settings: dict[str, Any] = {"guidance": guidance, "sigma_s": spread, "sigma_r": sigma_r}
         if neighbors is not None:
-            normals = guided_normals(mesh, neighbors, chosen, sigma_s=spread)
+            normals = guided_normals(mesh, neighbors, **settings)
         else:
-            work = partial(_of_patch, chosen, spread, radius, start.mean_edge_length)
+            work = partial(_of_patch, settings, radius, start.mean_edge_length)
             normals = face_rows(
                 mesh, work, receptive_field=FIRST_REACH, facts=["mean_edge_length"], vertices=[start.vertices]
             )
@@ -91,45 +92,29 @@ def guided_normal(
     return mesh.vertices.copy()
 
 
-class GuidedFilter(NamedTuple):
-    """A guidance, the spread over its chords, and how many passes there are."""
-
-    guidance: Literal["patch", "gaussian"]
-    sigma_r: float
-    iterations: int
-
-
-def guided_filter(
-    guidance: Literal["patch", "gaussian"], sigma_r: float | None, iterations: int | None
-) -> GuidedFilter:
-    """Return the filter, with what fits the guidance in place of None."""
-    spread, passes = (0.45, 10) if guidance == "patch" else (0.15, 20)
-    return GuidedFilter(guidance, spread if sigma_r is None else sigma_r, passes if iterations is None else iterations)
-
-
-def guided_normals(mesh: Mesh, neighbors: Csr, chosen: GuidedFilter, *, sigma_s: float) -> Vectors:
-    """Return (m, 3) the normals after one pass over the neighbours of each face; sigma_s in mean edge lengths."""
-    guide = patch_guidance(mesh) if chosen.guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
-    weights = spatial_weights(mesh, neighbors, sigma_s)
-    return joint_bilateral_pass(mesh.face_normals, guide, mesh.areas, neighbors, weights, chosen.sigma_r)
-
-
-def _of_patch(
-    chosen: GuidedFilter, sigma_s: float, radius: float, edge: float, patch: MeshPatch, start: Vectors
+def guided_normals(
+    mesh: Mesh, neighbors: Csr, *, guidance: Literal["patch", "gaussian"], sigma_s: float, sigma_r: float
 ) -> Vectors:
+    """Return (m, 3) the normals after one pass over the neighbours of each face; sigma_s in mean edge lengths."""
+    guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
+    weights = spatial_weights(mesh, neighbors, sigma_s)
+    return joint_bilateral_pass(mesh.face_normals, guide, mesh.areas, neighbors, weights, sigma_r)
+
+
+def _of_patch(settings: Mapping[str, Any], radius: float, edge: float, patch: MeshPatch, start: Vectors) -> Vectors:
     """Return the normals of a patch after one pass; neighbours are those of the mesh as it was given.
 
     `edge` is the mean edge length of that whole mesh, and `start`, (k, 3), are the vertices of the patch in it. Raises
     TooNarrow if a face depends on others beyond the halo.
     """
     neighbors = faces_within(patch.mesh.moved(start).with_facts(mean_edge_length=edge), radius)
-    around = neighbors if chosen.guidance == "gaussian" else patch.mesh.topology.face_rings(1)
+    around = neighbors if settings["guidance"] == "gaussian" else patch.mesh.topology.face_rings(1)
     seen = patch.own  # then their neighbours, and the faces whose guidance these have
     for graph in (neighbors, around):
         seen = seen.copy()
         seen[graph.indices[seen[graph.rows]]] = True
     patch.check_complete(seen)
-    return guided_normals(patch.mesh, neighbors, chosen, sigma_s=sigma_s)
+    return guided_normals(patch.mesh, neighbors, **settings)
 
 
 def centroid_distance(mesh: Mesh) -> float:
@@ -181,16 +166,8 @@ EPSILON = 1e-9  # keeps the relative saliency of a flat patch finite
 
 
 @kernel
-def _patch_statistics(
-    start: int,
-    stop: int,
-    normals: Vectors,
-    areas: Floats,
-    across: Ints32,
-    rings: Csr,
-    inconsistency: Floats,
-    means: Vectors,
-) -> None:
+def _patch_statistics(start: int, stop: int, normals: Vectors, areas: Floats, across: Ints32, rings: Csr,
+                      inconsistency: Floats, means: Vectors) -> None:  # fmt: skip
     inside = np.full(len(normals), -1, np.int32)
     most = 1
     for f in range(start, stop):

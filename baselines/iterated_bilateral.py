@@ -8,10 +8,8 @@ from cascadenorm.baselines.bilateral_normal import spatial_weights
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats32, Mesh, kernel, parallel_for
 
-LANES = 4
-"""Range spreads that are filtered side by side."""
-LARGEST_AREA = 1000.0
-"""No face weighs more than one of so many median areas: many passes would carry a spike far."""
+LANES = 4  # range spreads that are filtered side by side
+LARGEST_AREA = 1000.0  # no face weighs more than one of so many median areas: many passes would carry a spike far
 
 
 def iterated_bilateral_normals(
@@ -112,16 +110,8 @@ def _keep_range(start: int, stop: int, normals: Floats32, out: Floats32) -> None
 
 
 @kernel
-def _bilateral_range(
-    start: int,
-    stop: int,
-    normals: Floats32,
-    own: Floats32,
-    rings: Csr,
-    weights: Floats32,
-    steepness: Floats32,
-    out: Floats32,
-) -> None:
+def _bilateral_range(start: int, stop: int, normals: Floats32, own: Floats32, rings: Csr, weights: Floats32,
+                     steepness: Floats32, out: Floats32) -> None:  # fmt: skip
     """One pass of LANES filters side by side, each on its own normals; iteration f alone writes out[f]."""
     for f in range(start, stop):
         _filter_face(f, normals, own, rings, weights, steepness, out)  # type: ignore[no-untyped-call]

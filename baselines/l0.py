@@ -1,26 +1,33 @@
-"""L0 minimisation (He & Schaefer 2013).
+"""L0 minimisation of second differences across edges (He & Schaefer 2013).
 
 The surface bends across as few edges as possible. Thresholding of the bent edges alternates with a linear solve for the
 vertices, while the penalty β on other bends grows. The matrix changes with each step, since the operator follows the
 vertices, but its sparsity pattern does not and is computed once. Conjugate gradients start from the previous vertices,
 which are close to the new ones.
+
+A second difference vanishes where the surface is flat. The four vertices of an edge with two faces are numbered as in
+the paper: the edge runs from 1 to 3; 2 and 4 are the others of its two faces, on the right and on the left of that
+direction.
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.edge_operators import EdgeOperator, edge_coefficients, edge_quads, mean_dihedral
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.geometry.sparse_solvers import MOST_ITERATIONS, conjugate_gradients
+from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Topology, Vectors, angles_between, kernel, parallel_for
+from cascadenorm.mesh.vectors import add, cross, dot, length, row, scaled, subtract
 from cascadenorm.registry import Parameter, method
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
 ACCURACY = 1e-6  # bound on the RMS error of each solution in mean edge lengths, valid since the matrix is ≥ I
+LARGEST_WEIGHT = 1e3  # weight of a vertex at an edge that counts
+
+EdgeOperator = Literal["area", "cotan"]
 
 Operator = Annotated[
     EdgeOperator, Parameter("Edge operator: area-based, or cotangent, which is unstable on thin triangles")
@@ -115,40 +122,83 @@ def _find_slots(start: int, stop: int, pattern: Csr, rows: Ints32, columns: Ints
 
 
 @kernel
-def _assemble(
-    system: EdgeSystem,
-    noisy: Vectors,
-    vertices: Vectors,
-    coefficients: Floats,
-    alpha: float,
-    beta: float,
-    price: float,
-    values: Floats,
-    right: Vectors,
-) -> None:
+def _assemble(system: EdgeSystem, noisy: Vectors, vertices: Vectors, coefficients: Floats, alpha: float, beta: float,
+              price: float, values: Floats, right: Vectors) -> None:  # fmt: skip
     """Fill the matrix I + αRᵀR + βDᵀD and the right-hand side x* + βDᵀδ, where δ is Dx on the edges that stay bent."""
     for k in range(len(values)):
         values[k] = 0.0
     for i in range(len(noisy)):
         values[system.diagonal[i]] = 1.0
-        for d in range(3):
-            right[i, d] = noisy[i, d]
+        right[i, 0], right[i, 1], right[i, 2] = row(noisy, i)
 
     # Each edge adds to the 4 × 4 entries of its corners, and to the right-hand side only where Dx is kept.
     for e in range(len(system.quads)):
-        x = y = z = 0.0
+        bend = (0.0, 0.0, 0.0)
         for a in range(4):
-            i, c = system.quads[e, a], coefficients[e, a]
-            x += c * vertices[i, 0]
-            y += c * vertices[i, 1]
-            z += c * vertices[i, 2]
-        stays = beta * (x * x + y * y + z * z) > price
+            bend = add(bend, scaled(coefficients[e, a], row(vertices, system.quads[e, a])))
+        stays = beta * dot(bend, bend) > price
         for a in range(4):
             for b in range(4):
                 even = alpha if (a - b) % 2 == 0 else -alpha
                 values[system.slots[e, a, b]] += even + beta * coefficients[e, a] * coefficients[e, b]
             if stays:
-                i, c = system.quads[e, a], beta * coefficients[e, a]
-                right[i, 0] += c * x
-                right[i, 1] += c * y
-                right[i, 2] += c * z
+                i, pull = system.quads[e, a], scaled(beta * coefficients[e, a], bend)
+                right[i, 0], right[i, 1], right[i, 2] = add(row(right, i), pull)
+
+
+def edge_quads(topology: Topology) -> NDArray[np.int32]:
+    """Return (e, 4) vertices 1, 2, 3, 4, which differ, of each edge with two faces; 2 is in the first of them."""
+    ends = topology.edges[topology.interior_edges]
+    corners = topology.faces[topology.face_pairs]  # (e, 2, 3)
+    apart = (corners != ends[:, None, :1]) & (corners != ends[:, None, 1:])
+    proper = (apart.sum(axis=2) == 1).all(axis=1)
+    apexes = corners[proper][apart[proper]].reshape(-1, 2)
+    quads = np.stack([ends[proper, 0], apexes[:, 0], ends[proper, 1], apexes[:, 1]], axis=1)
+    return np.ascontiguousarray(quads[apexes[:, 0] != apexes[:, 1]])
+
+
+def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: EdgeOperator) -> NDArray[np.float64]:
+    """Return (e, 4) weights of the vertices of each edge, so that D(e)x = Σ_k coefficient_k x_k.
+
+    The cotangent operator is (-cot 231 - cot 134, cot 231 + cot 312, -cot 312 - cot 413, cot 134 + cot 413), of length
+    |D(e)x| = 2 sin(γ/2) |x_3 - x_1| for faces that meet at π - γ. The area-based operator is that one times
+    2 A_123 A_134 / (|x_3 - x_1|² (A_123 + A_134)), so that no weight grows as a triangle loses its height.
+    An edge without length or of next to none, for which a weight is above 1,000, gets zeros, and for the cotangent
+    operator one with a face without area.
+    """
+    coefficients = np.empty(quads.shape)
+    parallel_for(len(quads), _edge_coefficients, vertices, quads, operator == "area", coefficients)
+    return coefficients
+
+
+def mean_dihedral(mesh: Mesh) -> float:
+    """Mean angle in radians between the normals of the faces at an edge, unsigned, over the edges with two faces."""
+    angles = angles_between(*np.moveaxis(mesh.face_normals[mesh.topology.face_pairs], 1, 0))
+    return float(angles.mean()) if len(angles) else 0.0
+
+
+@kernel
+def _edge_coefficients(start: int, stop: int, vertices: Vectors, quads: Ints32, by_area: bool, out: Floats) -> None:
+    """Split the foot of 2 and of 4 on the edge between its ends, then balance the two heights."""
+    for e in range(start, stop):
+        i, j, k, l = quads[e]
+        # the edge u, the sides v and w to the corners beside it, and twice the areas of the two faces
+        u = subtract(row(vertices, k), row(vertices, i))
+        v = subtract(row(vertices, j), row(vertices, i))
+        w = subtract(row(vertices, l), row(vertices, i))
+        squared, right, left = dot(u, u), length(cross(u, v)), length(cross(u, w))
+
+        # the heights' factors
+        second = fourth = 0.0
+        if squared > 0.0:
+            if by_area:
+                total = right + left
+                second = left / total if total > 0.0 else 0.5
+                fourth = 1.0 - second
+            elif right > 0.0 and left > 0.0:
+                second, fourth = squared / right, squared / left
+        along = second * dot(u, v) + fourth * dot(u, w)
+        third = -along / squared if squared > 0.0 else 0.0
+        if max(abs(second), abs(third), abs(fourth), abs(second + third + fourth)) > LARGEST_WEIGHT:
+            second = third = fourth = 0.0
+        out[e, 0], out[e, 1], out[e, 2], out[e, 3] = -(second + third + fourth), second, third, fourth

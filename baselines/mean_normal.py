@@ -1,20 +1,19 @@
-"""Weighted means of the normals around a face: plain, of similar ones (unilateral), of those a random walk visits.
+"""Means and medians of the normals around a face: plain, of similar ones (unilateral), of those a random walk visits.
 
 Neighbours are the faces that share a vertex, and the face itself.
 """
 
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
-from cascadenorm.baselines.vertex_fit import VertexFit, filter_rings, fit_rings, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.execution.progress import track
-from cascadenorm.mesh import Csr, Mesh, Vectors, kernel, parallel_for, unit
-from cascadenorm.mesh.vectors import dot, length, row, squared_distance
+from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
+from cascadenorm.mesh.vectors import add, divided, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
@@ -22,6 +21,10 @@ Threshold = Annotated[
     float, Parameter("Cosine of the angle between normals below which a neighbour has no weight", minimum=-1, below=1)
 ]
 WalkLength = Annotated[int, Parameter("Number of steps of the random walk", minimum=0)]
+Median = Annotated[
+    Literal["vector", "angle"],
+    Parameter("Median of the normals (least weighted distance to all others), or of their angles to the face normal"),
+]
 
 
 @method("mean-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
@@ -93,27 +96,20 @@ def random_walk_normal(
 
 def unilateral_normals(mesh: Mesh, *, threshold: float, iterations: int) -> Vectors:
     """Return (m, 3) the face normals after some passes of the unilateral filter."""
-    rings = mesh.topology.face_rings(1)
-    normals = mesh.face_normals
+    rings, normals = mesh.topology.face_rings(1), mesh.face_normals
     for _ in track(iterations):
-        normals = unilateral_pass(normals, rings, threshold)
+        out = np.empty_like(normals)
+        parallel_for(len(normals), _unilateral_pass, normals, rings, threshold, out)
+        normals = out
     return normals
 
 
 def walk_normals(mesh: Mesh, *, sigma_r: float, length: int, iterations: int) -> Vectors:
     """Return (m, 3) the face normals after some passes, each of which takes the mean over where walks end."""
-    rings = mesh.topology.face_rings(1)
-    normals = mesh.face_normals
+    rings, normals = mesh.topology.face_rings(1), mesh.face_normals
     for _ in track(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
     return normals
-
-
-def unilateral_pass(normals: Vectors, rings: Csr, threshold: float) -> Vectors:
-    """One pass of the unilateral filter; the face itself takes part, so that the weights never vanish."""
-    out = np.empty_like(normals)
-    parallel_for(len(normals), _unilateral_pass, normals, rings, threshold, out)
-    return out
 
 
 def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> Vectors:
@@ -131,18 +127,14 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
 
 @kernel
 def _unilateral_pass(start: int, stop: int, normals: Vectors, rings: Csr, threshold: float, out: Vectors) -> None:
+    """One pass of the unilateral filter; the face itself takes part, so that the weights never vanish."""
     for f in range(start, stop):
-        own = (1.0 - threshold) ** 2
-        x, y, z = own * normals[f, 0], own * normals[f, 1], own * normals[f, 2]
+        total = scaled((1.0 - threshold) ** 2, row(normals, f))
         for k in range(rings.indptr[f], rings.indptr[f + 1]):
-            g = rings.indices[k]
-            w = max(dot(row(normals, f), row(normals, g)) - threshold, 0.0) ** 2
-            x += w * normals[g, 0]
-            y += w * normals[g, 1]
-            z += w * normals[g, 2]
-        size = length((x, y, z))
-        scale = 1.0 / size if size > 0.0 else 0.0
-        out[f, 0], out[f, 1], out[f, 2] = scale * x, scale * y, scale * z
+            near = row(normals, rings.indices[k])
+            total = add(total, scaled(max(dot(row(normals, f), near) - threshold, 0.0) ** 2, near))
+        size = length(total)
+        out[f, 0], out[f, 1], out[f, 2] = scaled(1.0 / size if size > 0.0 else 0.0, total)
 
 
 @kernel
@@ -150,12 +142,93 @@ def _walk_step(
     start: int, stop: int, values: Vectors, normals: Vectors, rings: Csr, spread: float, out: Vectors
 ) -> None:
     for f in range(start, stop):
-        x, y, z, total = values[f, 0], values[f, 1], values[f, 2], 1.0
+        mean, total = row(values, f), 1.0
         for k in range(rings.indptr[f], rings.indptr[f + 1]):
             g = rings.indices[k]
             w = np.exp(-spread * squared_distance(row(normals, g), row(normals, f)))
-            x += w * values[g, 0]
-            y += w * values[g, 1]
-            z += w * values[g, 2]
-            total += w
-        out[f, 0], out[f, 1], out[f, 2] = x / total, y / total, z / total
+            mean, total = add(mean, scaled(w, row(values, g))), total + w
+        out[f, 0], out[f, 1], out[f, 2] = divided(mean, total)
+
+
+@method("median-normal", source="Yagou, Ohtake, Belyaev 2002", family="normals", rings=filter_rings)
+def median_normal(
+    mesh: Mesh, *, median: Median = "vector", iterations: Passes = 5, sweeps: Sweeps = 10, fit: VertexFit = "sweeps"
+) -> Vectors:
+    """Replace each face normal by the weighted median of those around it, then fit the vertices.
+
+    Formula
+    -------
+    vector: n_f ← argmin over n_g of Σ_h A_h |n_g - n_h|;   g, h share a vertex with f, or are f
+    angle:  n_f ← the n_g at half of the weight A when sorted by |n_g - n_f|
+
+    Limits
+    ------
+    The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
+    """
+    filtered = partial(median_normals, median=median, iterations=iterations)
+    normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
+
+
+def median_normals(mesh: Mesh, *, median: Literal["vector", "angle"], iterations: int) -> Vectors:
+    """Return (m, 3) the face normals after some passes of the median filter."""
+    normals = mesh.face_normals
+    for _ in track(iterations):
+        normals = median_pass(mesh, normals, median=median)
+    return normals
+
+
+def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angle"]) -> Vectors:
+    """Return (m, 3) one of the normals around each face, its own among them; weights are the areas.
+
+    "vector" takes the one with the least weighted sum of chords to the others; "angle" sorts them by their angle to
+    the face's own normal and takes the one at half the weight. Of equal ones the face's own wins.
+    """
+    rings = mesh.topology.face_rings(1)
+    out = np.empty_like(normals)
+    run = _vector_medians if median == "vector" else _angle_medians
+    parallel_for(len(normals), run, normals, mesh.areas, rings, out)
+    return out
+
+
+@kernel
+def _vector_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings: Csr, out: Vectors) -> None:
+    for f in range(start, stop):
+        around = np.empty(rings.indptr[f + 1] - rings.indptr[f] + 1, np.int32)
+        around[0] = f
+        around[1:] = rings.indices[rings.indptr[f] : rings.indptr[f + 1]]
+        totals = np.zeros(len(around))
+        for i in range(len(around)):
+            g = around[i]
+            for j in range(i):
+                h = around[j]
+                chord = length(subtract(row(normals, g), row(normals, h)))
+                totals[i] += areas[h] * chord
+                totals[j] += areas[g] * chord
+        best = 0
+        for i in range(len(around)):
+            if areas[around[i]] > 0.0 and totals[i] < totals[best]:
+                best = i
+        out[f] = normals[around[best]]
+
+
+@kernel
+def _angle_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings: Csr, out: Vectors) -> None:
+    for f in range(start, stop):
+        if areas[f] == 0.0:  # all are as far from it
+            out[f, 0], out[f, 1], out[f, 2] = row(normals, f)
+            continue
+        count = rings.indptr[f + 1] - rings.indptr[f]
+        chords = np.empty(count)
+        half = 0.5 * areas[f]
+        for k in range(count):
+            g = rings.indices[rings.indptr[f] + k]
+            chords[k] = squared_distance(row(normals, g), row(normals, f))  # grows with the angle
+            half += 0.5 * areas[g]
+        best, passed = f, areas[f]
+        for k in np.argsort(chords, kind="mergesort"):
+            if passed >= half:
+                break
+            best = rings.indices[rings.indptr[f] + k]
+            passed += areas[best]
+        out[f, 0], out[f, 1], out[f, 2] = row(normals, best)

@@ -105,10 +105,7 @@ def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray
 
 
 def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
-    """Return (n, 3) ½ Σ w_e H_e N_e over the edges e of each vertex, with H_e N_e = (n_2 - n_1) × e.
-
-    With weights 1 it is the gradient of the area of a closed mesh.
-    """
+    """Return (n, 3) ½ Σ w_e H_e N_e over the edges e of each vertex; with weights 1, the gradient of the area."""
     edges, face_edges = mesh.topology.edges, mesh.topology.face_edges
     corners = mesh.corners
     sides = np.roll(corners, -1, axis=1) - corners

@@ -7,15 +7,13 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
-LEAST = 1e-6
-"""Area of a face, and distance between two, in mean edges, below which they count as that."""
+LEAST = 1e-6  # area of a face, and distance between two, in mean edges, below which they count as that
 
 Width = Annotated[
     float, Parameter("Width of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, unit
-from cascadenorm.mesh.vectors import add, cross, length, row, scaled, subtract
+from cascadenorm.mesh.vectors import add, cross, divided, length, row, scaled, subtract
 
 
 def smoothed_normals(
@@ -81,10 +81,6 @@ def _normal_range(start: int, stop: int, at: Vectors, faces: Ints32, otherwise: 
     """Compute the normals of some faces from vertex positions; faces without area get the `otherwise` normal."""
     for f in range(start, stop):
         a, b, c = row(at, faces[f, 0]), row(at, faces[f, 1]), row(at, faces[f, 2])
-        x, y, z = cross(subtract(b, a), subtract(c, a))
-        size = length((x, y, z))
-        if size > 0:
-            out[f, 0], out[f, 1], out[f, 2] = x / size, y / size, z / size
-        else:
-            for d in range(3):
-                out[f, d] = otherwise[f, d]
+        normal = cross(subtract(b, a), subtract(c, a))
+        size = length(normal)
+        out[f, 0], out[f, 1], out[f, 2] = divided(normal, size) if size > 0 else row(otherwise, f)

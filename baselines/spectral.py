@@ -14,8 +14,7 @@ from cascadenorm.registry import Parameter, ParameterError, method
 EXACT_LIMIT = 200_000  # vertices above which "auto" approximates the harmonics
 HARMONICS_COUNT = 300
 
-Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""From the (k,) eigenvalues to their (k,) weights."""
+Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # from the (k,) eigenvalues to their (k,) weights
 
 
 @method("spectral", source="Vallet, Lévy 2008; Nasikun, Brandt, Hildebrandt 2018", family="smoothing")

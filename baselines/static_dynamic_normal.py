@@ -10,15 +10,13 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass
 from cascadenorm.baselines.guided_normal import GuidedDistance, centroid_distance, faces_within, patch_guidance
-from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 from cascadenorm.registry import Parameter, method
 
-SPREADS_REACH = 3.0
-"""Radius of the neighbourhood, in spreads over distance."""
+SPREADS_REACH = 3.0  # radius of the neighbourhood, in spreads over distance
 
 Smoothness = Annotated[float, Parameter("λ, weight of the differences between normals relative to fidelity", minimum=0)]
 StaticSpread = Annotated[float, Parameter("Spread over the chord between guidance normals", "chord", minimum=1e-6)]
@@ -99,18 +97,8 @@ def _sort_rows(start: int, stop: int, neighbors: Csr) -> None:
 
 
 @kernel
-def _pair_weights(
-    start: int,
-    stop: int,
-    centroids: Vectors,
-    areas: Floats,
-    guidance: Vectors,
-    neighbors: Csr,
-    over_distance: float,
-    over_guidance: float,
-    weights: Floats,
-    spatial: Floats,
-) -> None:
+def _pair_weights(start: int, stop: int, centroids: Vectors, areas: Floats, guidance: Vectors, neighbors: Csr,
+                  over_distance: float, over_guidance: float, weights: Floats, spatial: Floats) -> None:  # fmt: skip
     """Write the weight of each pair, 0 where only one face has the other as a neighbour; sum those of distance."""
     for f in range(start, stop):
         spatial[f] = 0.0

@@ -7,10 +7,9 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.tv_normal import LEAST_AREA_IN_EDGES, difference_operator
-from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.conjugate_gradients import MOST_ITERATIONS, conjugate_gradients
+from cascadenorm.geometry.sparse_solvers import MOST_ITERATIONS, conjugate_gradients
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, row_distances, row_lengths, unit
 from cascadenorm.mesh.vectors import add, length, row, scaled
 from cascadenorm.registry import Parameter, method
@@ -107,8 +106,9 @@ class GeneralizedVariation:
             differences = self.differences @ normals
             right = self.lengths[:, None] * (differences - ties) + self.from_corners @ corner_ties
             conjugate_gradients(*self.jump_system, right, jumps, jump_bound, MOST_ITERATIONS)
-            _shrink_all(differences - jumps, np.exp(-(row_lengths(differences) ** 4)), duals, ties)
-            _shrink_all(self.sums @ jumps, most, corner_duals, corner_ties)
+            weights = np.exp(-(row_lengths(differences) ** 4))
+            parallel_for(len(duals), _shrink, differences - jumps, weights, duals, ties)
+            parallel_for(len(corner_duals), _shrink, self.sums @ jumps, most, corner_duals, corner_ties)
         return Minimum(normals, jumps, duals, corner_duals)
 
 
@@ -141,10 +141,6 @@ def _system(diagonal: NDArray[np.float64], rest: Any) -> tuple[Csr, NDArray[np.f
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(diagonal) + rest)
     matrix.sort_indices()
     return Csr.of(matrix), matrix.data
-
-
-def _shrink_all(differences: Vectors, thresholds: NDArray[np.float64], duals: Vectors, ties: Vectors) -> None:
-    parallel_for(len(differences), _shrink, differences, thresholds, duals, ties)
 
 
 @kernel

@@ -8,13 +8,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.vertex_fit import VertexFit, fit_vertices
-from cascadenorm.baselines.vertex_update import Sweeps
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.compute.csr import grouped
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import solver
 from cascadenorm.mesh import Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances, unit
-from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
+from cascadenorm.mesh.vectors import add, divided, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA_IN_EDGES = 1e-6  # in squared mean edge lengths; degenerate faces get a normal from their neighbours
@@ -201,18 +200,8 @@ def _right_side(
 
 
 @kernel
-def _relax(
-    start: int,
-    stop: int,
-    first: Index,
-    last: Index,
-    relaxation: float,
-    sides: FaceSides,
-    diagonal: Floats,
-    right: Vectors,
-    values: Vectors,
-    squares: Floats,
-) -> None:
+def _relax(start: int, stop: int, first: Index, last: Index, relaxation: float, sides: FaceSides, diagonal: Floats,
+           right: Vectors, values: Vectors, squares: Floats) -> None:  # fmt: skip
     """Apply over-relaxation to the faces first … last of one colour, in blocks; write Σ |residual|² of each block."""
     for block in range(start, stop):
         squares[block] = 0.0
@@ -227,25 +216,14 @@ def _relax(
 
 
 @kernel
-def _shrink(
-    start: int,
-    stop: int,
-    values: Vectors,
-    pairs: Ints32,
-    weights: Floats,
-    penalty: float,
-    ties: Vectors,
-    duals: Vectors,
-) -> None:
+def _shrink(start: int, stop: int, values: Vectors, pairs: Ints32, weights: Floats, penalty: float, ties: Vectors,
+            duals: Vectors) -> None:  # fmt: skip
     """Shrink q = Dn + y/r of each edge by w/r to the optimal difference p; update the multiplier y and rp - y."""
     for e in range(start, stop):
         f, g = pairs[e]
-        x = values[f, 0] - values[g, 0] + duals[e, 0] / penalty
-        y = values[f, 1] - values[g, 1] + duals[e, 1] / penalty
-        z = values[f, 2] - values[g, 2] + duals[e, 2] / penalty
-        size = length((x, y, z))
+        wanted = add(subtract(row(values, f), row(values, g)), divided(row(duals, e), penalty))
+        size = length(wanted)
         kept = max(0.0, 1.0 - weights[e] / (penalty * size)) if size > 0.0 else 0.0
         rest = penalty * (1.0 - kept)  # y + r(Dn - p) = r(q - p)
-        tie = penalty * kept - rest
-        ties[e, 0], ties[e, 1], ties[e, 2] = tie * x, tie * y, tie * z
-        duals[e, 0], duals[e, 1], duals[e, 2] = rest * x, rest * y, rest * z
+        ties[e, 0], ties[e, 1], ties[e, 2] = scaled(penalty * kept - rest, wanted)
+        duals[e, 0], duals[e, 1], duals[e, 2] = scaled(rest, wanted)

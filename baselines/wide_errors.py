@@ -15,8 +15,7 @@ from cascadenorm.mesh import Floats, Mesh, Vectors
 SHARES = 0.6, 0.525, 0.675
 """Edge lengths of the copies, relative to the width of the error. The clusters of each copy are located differently,
 so the facets of a copy, and steps that it mistakes for shape, contribute only a third to the mean."""
-FINISHING_PASSES = 10
-"""Passes of the bilateral filter at the end, which smooths the facets of the copies."""
+FINISHING_PASSES = 10  # passes of the bilateral filter at the end, which smooths the facets of the copies
 
 
 def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy], Vectors]) -> Vectors:

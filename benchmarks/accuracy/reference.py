@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normals, joint_bilateral_pass, spatial_weights
-from cascadenorm.baselines.edge_operators import mean_dihedral
 from cascadenorm.baselines.guided_normal import centroid_distance, faces_within, patch_guidance
+from cascadenorm.baselines.l0 import mean_dihedral
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import find_pairs

@@ -40,9 +40,8 @@ from cascadenorm.mesh import (
     without_repeated_faces,
 )
 from cascadenorm.patches.work import free_derived
-from cascadenorm.regions.region_volumes import with_region_volumes
 from cascadenorm.regions.shells import Shells, split_into_shells
-from cascadenorm.regions.walls import joined_walls
+from cascadenorm.regions.walls import joined_walls, with_region_volumes
 from cascadenorm.registry import REGION, Method
 
 Step = Callable[[Mesh], Vectors]

@@ -50,9 +50,8 @@ class CreaseSides(NamedTuple):
         planes = scatter_add(row, normals[:, :, None] * normals[:, None, :], len(places))
         right = scatter_add(row, normals * residuals[:, None], len(places))[:, :, None]
         joined = vertices[:count].copy()
-        joined[places] = (
-            mesh.vertices[places] + mean + np.linalg.solve(planes + MEAN_WEIGHT * np.eye(3), right)[:, :, 0]
-        )
+        offsets = np.linalg.solve(planes + MEAN_WEIGHT * np.eye(3), right)[:, :, 0]
+        joined[places] = mesh.vertices[places] + mean + offsets
         return joined
 
 

@@ -10,7 +10,7 @@ import scipy
 from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
 from cascadenorm.baselines.wide_errors import without_steps, without_wide_errors
 from cascadenorm.controls.displacement import clip_lengths
-from cascadenorm.detection.enlarged_steps import enlarged_steps
+from cascadenorm.detection.steps import enlarged_steps
 from cascadenorm.geometry.coarse_copy import CoarseCopy
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
@@ -19,19 +19,18 @@ from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import REGION, Method
 
 TREAT_AS = "treat_as"  # name of the parameter of `auto`
-WIDEST_DETAIL = 10.0
-"""Largest detail width, in mesh diagonals; keeping wider detail removes only the mean displacement of components."""
+WIDEST_DETAIL = 10.0  # mesh diagonals; keeping wider detail removes only the mean displacement of components
 
 
 def high_pass_filter(width: float, mesh: Mesh) -> Callable[[Vectors], Vectors]:
     """Return a linear high-pass filter of displacements, (n, 3), which removes parts as wide as the features to keep.
 
     A feature is half a wave with wave number q = π/width. The filter applies the residual of one implicit diffusion
-    step on the mesh, x - (1 - tΔ)⁻¹ x, twice to the displacement x. A wave with -Δx = q²x is scaled by (tq²/(1 +
-    tq²))²; with t = (1 + √2)(width/π)², this factor is 1/2 at q = π/width. Relative to this width, a wave twice as wide
-    keeps 14 % of its displacement, four times as wide 2 %, half as wide 82 %, and a quarter as wide 95 %. A width of 0,
-    in mesh units, removes everything, and infinity only the mean displacement of each component. The boundary is free,
-    and vertices without a face do not move.
+    step on the mesh, x - (1 - tΔ)⁻¹ x, twice to the displacement x, which scales a wave with -Δx = q²x by
+    (tq²/(1 + tq²))². With t = (1 + √2)(width/π)², this factor is 1/2 at q = π/width. Relative to this width, a wave
+    twice as wide keeps 14 % of its displacement, four times as wide 2 %, half as wide 82 %, and a quarter as wide 95 %.
+    A width of 0, in mesh units, removes everything, and infinity only the mean displacement of each component. The
+    boundary is free, and vertices without a face do not move.
     """
     # M + tL, the matrix of an implicit step, restricted to vertices with a face
     laplacian = cotangent_laplacian(mesh)

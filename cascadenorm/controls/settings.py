@@ -28,8 +28,7 @@ else:
 
 Boundary = Literal["free", "smooth", "fixed"]
 OnBad = Literal["error", "isolate"]
-Length = float | str
-"""A length in mesh units, or in mean edge lengths as text like "0.5 edges"."""
+Length = float | str  # a length in mesh units, or in mean edge lengths as text like "0.5 edges"
 Path = str | PathLike[str]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -220,8 +219,7 @@ def _declared() -> dict[str, ControlSetting]:
     return {name: ControlSetting(name, kind, about.default, about) for name, (kind, about) in found.items()}
 
 
-CONTROLS = _declared()
-"""All controls by name, in the order of the documentation."""
+CONTROLS = _declared()  # all controls by name, in the order of the documentation
 
 
 def checked_controls(given: Mapping[str, Any]) -> Controls:
@@ -248,10 +246,7 @@ def checked_controls(given: Mapping[str, Any]) -> Controls:
 
 
 def parsed_length(name: str, length: Length | None) -> tuple[float, bool]:
-    """Parse a length and whether its unit is the mean edge length; None is infinite.
-
-    Raises ParameterError if the value is not a length or is negative.
-    """
+    """Parse a length and whether its unit is the mean edge length; None is infinite, others raise ParameterError."""
     if length is None:
         return math.inf, False
     match = re.fullmatch(r"\s*([^\s]+?)\s*(edges?)?\s*", str(length))

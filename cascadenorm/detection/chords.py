@@ -13,8 +13,7 @@ from cascadenorm.mesh.vectors import Vector, add, cross, dot, length, row, subtr
 
 CHORD_RINGS = 3  # rings around a vertex that the residuals of its edges depend on
 NOISE_PASSES = 8  # averaging passes of the noise estimate: a window of about four rings
-SAME_SIDE = 0.5
-"""Cosine of 60°: faces within this angle of the mean normal of an edge are on the same side of a crease."""
+SAME_SIDE = 0.5  # cosine of 60°: faces within this angle of the mean normal of an edge are on the same side of a crease
 
 
 def chord_residuals(mesh: Mesh) -> Floats:
@@ -47,27 +46,18 @@ def chord_noise(mesh: Mesh, residuals: Floats) -> Floats:
 
 
 def rises(mesh: Mesh, pairs: Ints32) -> Floats:
-    """Return the (k,) sum of the heights of the two centroids of each pair of faces above each other's planes.
-
-    It is negative at convex edges.
-    """
+    """Return (k,) heights of the two centroids of each pair above each other's planes, summed; below 0 if convex."""
     out = np.empty(len(pairs))
     parallel_for(len(out), _rise_range, mesh.centroids, mesh.face_normals, pairs, out)
     return out
 
 
 @kernel
-def _rise(centroids: Vectors, normals: Vectors, f: Index, g: Index) -> float:
-    """Compute one element of `rises`."""
-    across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
-    rise: float = dot(across, turn)
-    return rise
-
-
-@kernel
 def _rise_range(start: int, stop: int, centroids: Vectors, normals: Vectors, pairs: Ints32, out: Floats) -> None:
     for i in range(start, stop):
-        out[i] = _rise(centroids, normals, pairs[i, 0], pairs[i, 1])
+        f, g = pairs[i]
+        across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
+        out[i] = dot(across, turn)
 
 
 @kernel
@@ -92,19 +82,8 @@ def _vertex_range(
 
 
 @kernel
-def _chord_range(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    faces: Ints32,
-    normals: Vectors,
-    edges: Ints32,
-    interior: Ints32,
-    pairs: Ints32,
-    around: Csr,
-    whole: Vectors,
-    residuals: Floats,
-) -> None:
+def _chord_range(start: int, stop: int, vertices: Vectors, faces: Ints32, normals: Vectors, edges: Ints32,
+                 interior: Ints32, pairs: Ints32, around: Csr, whole: Vectors, residuals: Floats) -> None:  # fmt: skip
     rises = np.empty(2)
     for i in range(start, stop):
         mean = add(row(normals, pairs[i, 0]), row(normals, pairs[i, 1]))

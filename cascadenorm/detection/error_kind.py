@@ -19,42 +19,24 @@ several edges. `segmentation`: steps of a binary mask. `volume`: an isosurface o
 fused depth images. `depth image`: a surface seen from one side, by a depth camera or a laser scanner.
 """
 
-LEAST_ERROR = 0.01
-"""RMS error in mean edge lengths below which the kind is `none`."""
-OPEN = 0.3, 0.5
-"""Limits of |Σ A n| / Σ A above which a mesh probably, and certainly, is seen from one side; a hemisphere has 0.5."""
-INDEPENDENT = 1.0
-"""Correlation length in mean edge lengths below which noise counts as independent."""
-UNSURE = 0.7, 1.5
-"""Range of correlation lengths, in mean edge lengths, in which the classification is uncertain."""
-PAIRS = 4000
-"""Number of vertices, evenly spaced in order, around which the correlation is measured."""
-CORRELATION_REACH = 12.0
-"""Largest distance, in mean edge lengths, at which the correlation is measured."""
+LEAST_ERROR = 0.01  # RMS error in mean edge lengths below which the kind is `none`
+OPEN = 0.3, 0.5  # limits of |Σ A n| / Σ A above which a mesh is probably, and certainly, seen from one side
+INDEPENDENT = 1.0  # correlation length in mean edge lengths below which noise counts as independent
+UNSURE = 0.7, 1.5  # range of correlation lengths, in mean edge lengths, in which the classification is uncertain
+PAIRS = 4000  # number of vertices, evenly spaced in order, around which the correlation is measured
+CORRELATION_REACH = 12.0  # largest distance, in mean edge lengths, at which the correlation is measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorKind:
-    """The kind of error of a mesh, with measurements.
-
-    Parameters
-    ----------
-    kind
-        See NameOfKind.
-    sure
-        Whether the classification is certain.
-    size
-        Root mean square of the displacement along the normals, in mean edge lengths of the denoised mesh.
-    length
-        Correlation length in mean edge lengths, where the autocorrelation falls to 1/e; None if there is no error.
-    voxel
-        Edge lengths of a voxel along the axes of its lattice, in mesh units; None if no lattice was found.
-    """
+    """The kind of error of a mesh, with measurements."""
 
     kind: NameOfKind
-    sure: bool
-    size: float
+    sure: bool  # whether the classification is certain
+    size: float  # root mean square of the displacement along the normals, in mean edge lengths of the denoised mesh
+    # correlation length in mean edge lengths, where the autocorrelation falls to 1/e; None if there is no error
     length: float | None
+    # edge lengths of a voxel along the axes of its lattice, in mesh units; None if no lattice was found
     voxel: tuple[float, float, float] | None
 
     def __str__(self) -> str:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from cascadenorm.detection.chords import rises
-from cascadenorm.detection.rounding import rounding
 from cascadenorm.detection.voxel_lattice import lattice_share
 from cascadenorm.mesh import (
     Floats,
@@ -16,28 +15,21 @@ from cascadenorm.mesh import (
     scatter_add,
     sums_in_blocks,
 )
-from cascadenorm.mesh.averages import averaged
+from cascadenorm.mesh.averages import averaged, averaged_around
 from cascadenorm.mesh.vectors import dot, row
 
-LATTICE = 0.5
-"""Least `lattice_share` of a mesh on a lattice.
-
-Marching cubes give 0.95; decimated meshes and surface nets have less."""
-CANCELLING_SHARE = 0.2
-"""Least share of bends that cancel within two rings on a mesh with steps; a step has a convex and a concave edge."""
-IN_PLANES = 0.03
-"""Least fraction of vertices with coplanar faces, as on the treads of steps; CAD kernels create no such vertices."""
-ALL_STEPS = 0.65
-"""Share of cancelling bends above which IN_PLANES is not required; decimation may have removed such vertices."""
-ALONG_AXES = 0.98
-"""Least fraction of the area of voxel faces with normals along three perpendicular directions."""
+LATTICE = 0.5  # least `lattice_share` on a lattice; marching cubes give 0.95, surface nets less
+CANCELLING_SHARE = 0.2  # least share of bends that cancel within two rings; a step has a convex and a concave edge
+IN_PLANES = 0.03  # least fraction of vertices with coplanar faces, as on treads; CAD kernels create no such vertices
+ALL_STEPS = 0.65  # share of cancelling bends above which IN_PLANES is not required, since decimation may be the cause
+ALONG_AXES = 0.98  # least fraction of the area of voxel faces with normals along three perpendicular directions
+# Rounding to single precision stays within a tenth of it; noise of measured surfaces almost always exceeds it.
+COPLANAR = 3e-6  # height above the plane of the adjacent triangle, in diagonals, up to which a vertex is coplanar
+SMALL_HEIGHT = 1e-3  # upper limit of this height in median edge lengths, for meshes with distant vertices
 
 
 def is_segmentation(mesh: Mesh) -> bool:
-    """Return whether a mesh has the steps of a segmentation.
-
-    Its edges repeat few vectors, its bends alternate in sign, and vertices lie inside planes.
-    """
+    """Return whether edges repeat few vectors, bends alternate in sign, and vertices lie inside planes, as on steps."""
     if lattice_share(mesh) < LATTICE:
         return False
     steps = _step_share(mesh)
@@ -62,19 +54,14 @@ def has_voxel_faces(mesh: Mesh) -> bool:
 
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
-    """Move each vertex of a mesh of voxel faces to the mean of the centroids around it; return other meshes unchanged.
-
-    The normals of voxel faces have only three directions; after one averaging step they follow the shape.
-    """
+    """Move vertices of a mesh of voxel faces to the mean of the centroids around them; keep other meshes."""
     return mesh.moved(mean_centroids(mesh)) if has_voxel_faces(mesh) else mesh
 
 
 def mean_centroids(mesh: Mesh) -> Vectors:
     """Return the (n, 3) mean of the centroids around each vertex; a vertex without a face stays in place."""
-    around = mesh.topology.vertex_faces
-    sums = scatter_add(mesh.faces.ravel(), np.repeat(mesh.centroids, 3, axis=0), len(mesh.vertices))
-    used = mesh.topology.used_vertices[:, None]
-    return np.where(used, sums / np.maximum(around.counts, 1)[:, None], mesh.vertices)
+    means = averaged_around(mesh.centroids, mesh.topology.vertex_faces)
+    return np.where(mesh.topology.used_vertices[:, None], means, mesh.vertices)
 
 
 def _normal_of_largest(mesh: Mesh, across: Vectors) -> Vectors | None:
@@ -94,7 +81,7 @@ def _step_share(mesh: Mesh) -> float:
     pairs, ends = topology.face_pairs[bends], topology.edges[topology.interior_edges[bends]]
     rise = rises(mesh, pairs)
     length, angle = row_distances(mesh.vertices, ends), angles_between(*mesh.face_normals[pairs.T])
-    bend = length * angle * (np.abs(rise) > rounding(mesh))
+    bend = length * angle * (np.abs(rise) > _rounding(mesh))
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
     at_vertices = scatter_add(ends.ravel(), np.repeat(signed, 2, axis=0), len(mesh.vertices))
     left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)).T
@@ -107,6 +94,11 @@ def _share_in_planes(mesh: Mesh) -> float:
     cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.face_normals)
     np.minimum.at(least, mesh.faces, cosines)
     return float(np.mean(least[mesh.topology.used_vertices] > 1 - 1e-7))
+
+
+def _rounding(mesh: Mesh) -> float:
+    """Return the largest height of a vertex above a plane that rounding can explain."""
+    return min(COPLANAR * mesh.diagonal, SMALL_HEIGHT * mesh.median_edge_length)
 
 
 @kernel

@@ -4,29 +4,22 @@ import numpy as np
 
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.mesh import Bools, Csr, Ints32, Mesh, Vectors, kernel, parallel_for
-from cascadenorm.mesh.vectors import dot, length, row, subtract
+from cascadenorm.mesh.vectors import Vector, add, divided, dot, length, row, subtract
 
-HIGH = 1.5
-"""Least height of a spike above the mean of its neighbours, divided by their mean distance from that mean."""
-MOST_SPIKE_NEIGHBORS = 10
-"""Largest number of neighbours of a spike; the tip of a tessellated cone has more."""
-FLAT_BASE = 0.6
-"""Least length of the mean normal of the faces around the neighbours: the surface below a spike is nearly flat.
-
-Faces are not weighted by area, since the large faces of a neighbouring spike would dominate."""
-UPRIGHT = 0.6
-"""Least cosine of the angle between a spike and the normal of the surface below it."""
-SPIKE_ROUNDS = 3
-"""Largest number of passes that remove spikes."""
-NOISE = 0.02
-"""Least noise of the mesh in mean edge lengths; on cleaner meshes, spikes count as shape."""
+HIGH = 1.5  # least height of a spike above the mean of its neighbours, divided by their mean distance from that mean
+MOST_SPIKE_NEIGHBORS = 10  # largest number of neighbours of a spike; the tip of a tessellated cone has more
+# Faces are not weighted by area, since the large faces of a neighbouring spike would dominate.
+FLAT_BASE = 0.6  # least length of the mean normal of the faces around the neighbours: the surface below is nearly flat
+UPRIGHT = 0.6  # least cosine of the angle between a spike and the normal of the surface below it
+SPIKE_ROUNDS = 3  # largest number of passes that remove spikes
+NOISE = 0.02  # least noise of the mesh in mean edge lengths; on cleaner meshes, spikes count as shape
 
 
 def noise_spikes(mesh: Mesh) -> Bools:
     """Return (n,) whether each vertex is a spike.
 
-    A spike rises above an otherwise nearly flat neighbourhood, higher than the radius of its base. Boundary vertices
-    are never spikes.
+    A spike rises above an otherwise nearly flat neighbourhood, higher than the radius of its base, as outliers on a
+    noisy surface do. Boundary vertices are never spikes. `spikes` in `inspection.defects` are sharp tips of any cause.
     """
     topology = mesh.topology
     found = np.zeros(len(mesh.vertices), bool)
@@ -42,10 +35,7 @@ def noise_spikes(mesh: Mesh) -> Bools:
 
 
 def without_spikes(mesh: Mesh) -> Mesh:
-    """Move each spike to the mean of its neighbours, in several passes in case neighbours are spikes too.
-
-    A mesh without significant noise is returned unchanged.
-    """
+    """Move each spike to the mean of its neighbours, in a few passes, unless the mesh has no significant noise."""
     for done in range(SPIKE_ROUNDS):
         found = noise_spikes(mesh)
         if not found.any() or (done == 0 and (noise_level(mesh) or 0.0) < NOISE):
@@ -58,13 +48,11 @@ def without_spikes(mesh: Mesh) -> Mesh:
 
 
 @kernel
-def _mean(vertices: Vectors, around: Ints32) -> tuple[float, float, float]:
-    x = y = z = 0.0
+def _mean(vertices: Vectors, around: Ints32) -> Vector:
+    total = (0.0, 0.0, 0.0)
     for j in around:
-        x += vertices[j, 0]
-        y += vertices[j, 1]
-        z += vertices[j, 2]
-    return x / len(around), y / len(around), z / len(around)
+        total = add(total, row(vertices, j))
+    return divided(total, len(around))
 
 
 @kernel
@@ -84,35 +72,19 @@ def _high_range(start: int, stop: int, vertices: Vectors, neighbors: Csr, vertex
 
 
 @kernel
-def _standing_range(
-    start: int,
-    stop: int,
-    candidates: Ints32,
-    vertices: Vectors,
-    faces: Ints32,
-    normals: Vectors,
-    neighbors: Csr,
-    vertex_faces: Csr,
-    out: Bools,
-) -> None:
+def _standing_range(start: int, stop: int, candidates: Ints32, vertices: Vectors, faces: Ints32, normals: Vectors,
+                    neighbors: Csr, vertex_faces: Csr, out: Bools) -> None:  # fmt: skip
     """Find candidates that stand upright on nearly coplanar surrounding faces, ignoring their own faces."""
-    total = np.empty(3)
     for c in range(start, stop):
         i = candidates[c]
         around = neighbors.indices[neighbors.indptr[i] : neighbors.indptr[i + 1]]
-        total[:] = 0.0
-        count = 0
+        total, count = (0.0, 0.0, 0.0), 0
         for j in around:
             for k in range(vertex_faces.indptr[j], vertex_faces.indptr[j + 1]):
                 f = vertex_faces.indices[k]
                 if faces[f, 0] == i or faces[f, 1] == i or faces[f, 2] == i:
                     continue
-                for d in range(3):
-                    total[d] += normals[f, d]
+                total = add(total, row(normals, f))
                 count += 1
-        size = np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
-        if size < FLAT_BASE * count or size == 0.0:
-            out[c] = False
-            continue
-        up = subtract(row(vertices, i), _mean(vertices, around))
-        out[c] = abs(dot(up, (total[0], total[1], total[2]))) > UPRIGHT * size * length(up)
+        size, up = length(total), subtract(row(vertices, i), _mean(vertices, around))
+        out[c] = size > 0.0 and size >= FLAT_BASE * count and abs(dot(up, total)) > UPRIGHT * size * length(up)

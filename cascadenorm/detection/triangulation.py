@@ -9,17 +9,12 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Floats, Mesh, angles_between, any_in_rows
 
-SAMPLED_FACES = 20_000
-"""Largest number of faces evaluated; larger components are sampled."""
+SAMPLED_FACES = 20_000  # largest number of faces evaluated; larger components are sampled
 VALENCES = range(3, 9)
-COPLANAR_DEGREES = 0.02, 0.2
-"""Angles in degrees below which adjacent faces count as coplanar and as nearly coplanar."""
-FREQUENT_SHAPES = 4, 16
-"""Numbers of most frequent triangle shapes whose share is measured; lattices repeat few shapes."""
-SAME = 0.01
-"""Bin width in mean lengths for the sides of triangles of the same shape."""
-MOST_STEPS = 1 << 21
-"""Number of bins of side lengths; longer sides share the last bin, so that three sides form one 64-bit key."""
+COPLANAR_DEGREES = 0.02, 0.2  # angles in degrees below which adjacent faces count as coplanar and as nearly coplanar
+FREQUENT_SHAPES = 4, 16  # numbers of most frequent triangle shapes whose share is measured; lattices repeat few shapes
+SAME = 0.01  # bin width in mean lengths for the sides of triangles of the same shape
+MOST_STEPS = 1 << 21  # bins of side lengths; longer sides share the last bin, so that three sides form one 64-bit key
 FIGURES = (
     "open sides",
     *("deviation of lengths", *(f"length at {share:.0%}" for share in (0.02, 0.1, 0.5, 0.9, 0.98))),
@@ -46,15 +41,9 @@ def triangulation_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
     corners = mesh.vertices[mesh.faces[faces]]
     sides = np.roll(corners, -1, axis=1) - corners
     lengths = np.linalg.norm(sides, axis=2)
-    return np.concatenate(
-        [
-            _side_figures(mesh, faces, lengths),
-            _valence_figures(mesh, faces),
-            _angle_figures(sides, lengths),
-            _shape_figures(lengths),
-            _bend_figures(mesh, faces),
-        ]
-    )
+    of_sides, of_valences = _side_figures(mesh, faces, lengths), _valence_figures(mesh, faces)
+    of_angles, of_shapes = _angle_figures(sides, lengths), _shape_figures(lengths)
+    return np.concatenate([of_sides, of_valences, of_angles, of_shapes, _bend_figures(mesh, faces)])
 
 
 def _side_figures(mesh: Mesh, faces: NDArray[np.intp], lengths: Floats) -> Floats:

@@ -8,25 +8,17 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import Vector, row, subtract
 
-VoxelLattice = NDArray[np.float64]
-"""(3, 3), the edge vectors of a voxel as rows."""
+VoxelLattice = NDArray[np.float64]  # (3, 3), the edge vectors of a voxel as rows
 
-MOST_EDGES = 20_000
-"""Largest number of edges evaluated, evenly spaced in order."""
-SAME_VECTOR = 2e-3
-"""Bin width in mean edge lengths for equal edge vectors and coordinates."""
-RESOLUTION = 0.02
-"""Bin width in median edge lengths for equal edge vectors in `lattice_share`."""
+MOST_EDGES = 20_000  # largest number of edges evaluated, evenly spaced in order
+SAME_VECTOR = 2e-3  # bin width in mean edge lengths for equal edge vectors and coordinates
+RESOLUTION = 0.02  # bin width in median edge lengths for equal edge vectors in `lattice_share`
 MOST_MULTIPLES = 1e6  # largest multiple of a bin width: three numbers below 2^20 form one key
-FREQUENT_VECTORS = 64
-"""Number of vectors that represent nearly all edges of a mesh on a lattice; binary marching cubes have about 50."""
+FREQUENT_VECTORS = 64  # vectors that cover nearly all edges on a lattice; binary marching cubes have about 50
 FEWEST_LATTICE_EDGES = 1000  # edges required to detect a lattice
-DIRECTIONS = 80
-"""Largest number of distinct edge vectors up to sign; marching cubes on a mask have about 50."""
-COVERED_EDGES = 0.9
-"""Least fraction of the edges with these vectors."""
-IN_CELLS = 0.05
-"""Largest fraction of vertices inside cells, where marching cubes may place one in ambiguous cells."""
+DIRECTIONS = 80  # largest number of distinct edge vectors up to sign; marching cubes on a mask have about 50
+COVERED_EDGES = 0.9  # least fraction of the edges with these vectors
+IN_CELLS = 0.05  # largest fraction of vertices inside cells, where marching cubes may place one in ambiguous cells
 ON_NODES = 0.5
 """Least fraction of the vertices on planes of nodes along each axis; marching cubes place two thirds there."""
 

@@ -22,12 +22,9 @@ from cascadenorm.mesh import (
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import Vector, add, dot, row, scaled, subtract
 
-LEAST_CLUSTERS = 100
-"""Least number of clusters on each connected component with enough vertices, whatever the edge length."""
-EDGE_HALVINGS = 4
-"""Largest number of times that edges are halved where the copy would be torn or folded, as on thin tubes."""
-EVEN = 3
-"""Smoothing passes over the offsets that correct the shrinkage of the copy, so that its steps do not get sharper."""
+LEAST_CLUSTERS = 100  # least number of clusters on each connected component with enough vertices
+EDGE_HALVINGS = 4  # largest number of halvings of edges where the copy would be torn or folded, as on thin tubes
+EVEN = 3  # smoothing passes over the offsets against shrinkage, so that the steps of the copy do not get sharper
 
 
 class Feet(NamedTuple):
@@ -163,20 +160,9 @@ def _fitted(copy: CoarseCopy, mesh: Mesh) -> CoarseCopy:
 
 
 @kernel
-def _feet_range(
-    start: int,
-    stop: int,
-    points: Vectors,
-    labels: Ints32,
-    vertices: Vectors,
-    triangles: Ints32,
-    around: Csr,
-    neighbors: Csr,
-    single: Bools,
-    faces: Ints32,
-    weights: Floats,
-    outside: Bools,
-) -> None:
+def _feet_range(start: int, stop: int, points: Vectors, labels: Ints32, vertices: Vectors, triangles: Ints32,
+                around: Csr, neighbors: Csr, single: Bools, faces: Ints32, weights: Floats,
+                outside: Bools) -> None:  # fmt: skip
     """Search the faces around each point's cluster and its neighbours; the lowest index breaks ties."""
     for i in range(start, stop):
         faces[i], weights[i], outside[i], best = -1, 0.0, False, np.inf

@@ -1,4 +1,4 @@
-"""Fairing of regions (membrane, thin plate, minimum variation) and blends between parts."""
+"""Fairing of regions (membrane, thin plate, minimum variation)."""
 
 from typing import Any
 
@@ -34,15 +34,6 @@ def fair(
         vertices[inside] -= solve((energy @ vertices)[inside])
         mesh = mesh.moved(vertices)
     return mesh.vertices.copy()
-
-
-def blend(mesh: Mesh, seam: VertexMask, *, width: int = 3, order: Order = 2, iterations: int = 2) -> Vectors:
-    """Blend two parts: replace the vertices within `width` rings of their seam by a fair surface.
-
-    The seam, (n,), consists of the vertices where the parts meet, and the rings lie on either side of it. Order and
-    iterations are as in `fair`. Returns (n, 3) vertices.
-    """
-    return fair(mesh, grown(mesh, seam, rings=width), order=order, iterations=iterations)
 
 
 def grown(mesh: Mesh, region: VertexMask, *, rings: int) -> VertexMask:

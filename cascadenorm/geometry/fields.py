@@ -11,8 +11,7 @@ from cascadenorm.geometry.curvature import mean_curvature
 from cascadenorm.geometry.metrics import angles_at_faces, errors
 from cascadenorm.mesh import Floats, Mesh, MeshError
 
-USUAL = 0.98
-"""Quantile of the absolute values at the end of the default colour range."""
+USUAL = 0.98  # quantile of the absolute values at the end of the default colour range
 
 
 class Quantity(NamedTuple):

@@ -8,14 +8,10 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import dot, length, row
 
-STEP_HALVINGS = 8
-"""Number of times that the displacement of a vertex is halved before the vertex returns to its input position."""
-STEEPEST_NORMAL = math.sqrt(0.5)
-"""Cosine of 45°: a face within this angle of the mean normal around it never counts as a foldover."""
-FOLDED = math.cos(math.radians(105))
-"""Cosine of the angle between the normals of two adjacent faces below which the edge is folded."""
-SLIVER = 0.05
-"""Height of a face, in mean edge lengths, below which it is a sliver."""
+STEP_HALVINGS = 8  # halvings of the displacement of a vertex before the vertex returns to its input position
+STEEPEST_NORMAL = math.sqrt(0.5)  # a face within 45° of the mean normal around it never counts as a foldover
+FOLDED = math.cos(math.radians(105))  # cosine of the angle between adjacent normals below which the edge is folded
+SLIVER = 0.05  # height of a face, in mean edge lengths, below which it is a sliver
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
 

@@ -21,8 +21,7 @@ from cascadenorm.mesh import (
     without_lines,
 )
 
-LEAST_HEAT = 1e-300
-"""Smallest accepted ratio of the least to the largest heat; below it, the diffusion time is increased."""
+LEAST_HEAT = 1e-300  # least ratio of the least to the largest heat; below it, the diffusion time is increased
 
 
 def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:

@@ -16,14 +16,9 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Floats, Mesh, Vectors, kernel, parallel_for, scatter_add
 
 Weights = Literal["uniform", "cotan"]
-Order = Literal[1, 2, 3]
-"""Power of the Laplacian: 1 membrane or diffusion, 2 thin plate, 3 minimum variation."""
-VertexMask = NDArray[np.bool_]
-"""(n,) bool mask of vertices."""
-MOLLIFICATION = 1e-3
-"""Slack of the triangle inequality in mean edge lengths (Sharp & Crane 2020).
-
-With smaller values, powers of the Laplacian become inaccurate."""
+Order = Literal[1, 2, 3]  # power of the Laplacian: 1 membrane or diffusion, 2 thin plate, 3 minimum variation
+VertexMask = NDArray[np.bool_]  # (n,) bool mask of vertices
+MOLLIFICATION = 1e-3  # slack in mean edge lengths; with less, powers of the Laplacian become inaccurate
 
 
 @dataclass(frozen=True)
@@ -65,10 +60,7 @@ def laplacian_of(mesh: Mesh, weights: Weights) -> Laplacian:
 
 
 def uniform_laplacian(mesh: Mesh) -> Laplacian:
-    """Return the uniform Laplacian, Δx_i = mean of the 1-ring of vertex i, minus x_i.
-
-    The mass of a vertex is its number of neighbours; the eigenvalues of -Δ lie in 0 … 2.
-    """
+    """Return the uniform Laplacian: mean of the neighbours minus the vertex; masses are the numbers of neighbours."""
     edges = mesh.topology.edges
     return assemble(mesh, np.ones(len(edges)), mesh.topology.vertex_neighbors.counts.astype(np.float64))
 

@@ -10,11 +10,8 @@ from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
 from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike
 
-APART = 0.5
-"""Mean distance of the vertices to the ground truth, in diagonals of the smaller mesh, above which the two meshes are
-unrelated."""
-LEAST_SIZE = 1e-90
-"""Smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow."""
+APART = 0.5  # mean distance to the ground truth, in diagonals of the smaller mesh, above which meshes are unrelated
+LEAST_SIZE = 1e-90  # smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +89,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     areas = (reference if np.array_equal(mesh.faces, reference.faces) else mesh).areas[known]
     there = away.distances[mesh.topology.used_vertices]
     _check_related(mesh, reference, float(there.mean()))
-    back = SurfaceTree(mesh).nearest(_used_vertices(reference)).distances
+    back = SurfaceTree(mesh).nearest(reference.vertices[reference.topology.used_vertices]).distances
     return Measures(
         normal_error_deg=float(angles.mean()),
         normal_error_rms_deg=float(np.sqrt(np.square(angles).mean())),
@@ -118,7 +115,8 @@ def errors(mesh: Mesh, reference: Mesh) -> Errors:
     """Return the error of each face and vertex, compared as in `measure`; both meshes must be of about unit size."""
     surface = SurfaceTree(reference)
     distances = np.full(len(mesh.vertices), np.nan)
-    distances[mesh.topology.used_vertices] = surface.nearest(_used_vertices(mesh)).distances
+    used = mesh.topology.used_vertices
+    distances[used] = surface.nearest(mesh.vertices[used]).distances
     ours, theirs = mesh.face_normals, reference.face_normals
     if not np.array_equal(mesh.faces, reference.faces):
         theirs = theirs[surface.nearest(mesh.centroids).faces]
@@ -142,10 +140,6 @@ def _check_related(mesh: Mesh, reference: Mesh, distance: float) -> None:
         f"the mesh is {distance / reference.diagonal:.3g} diagonals of the reference away from it on average{units}: "
         "bring both to one unit and one place, and check that they show the same object"
     )
-
-
-def _used_vertices(mesh: Mesh) -> NDArray[np.float64]:
-    return mesh.vertices[mesh.topology.used_vertices]
 
 
 def _volume_ratio(mesh: Mesh, reference: Mesh) -> float | None:

@@ -101,12 +101,8 @@ def _triangle_distance2(p: Vector, corner: Vectors) -> float:
     a, b, c = subtract(row(corner, 0), p), subtract(row(corner, 1), p), subtract(row(corner, 2), p)
     normal = cross(subtract(b, a), subtract(c, a))
     length2 = dot(normal, normal)
-    if (
-        length2 > 0
-        and dot(cross(a, b), normal) >= 0
-        and dot(cross(b, c), normal) >= 0
-        and dot(cross(c, a), normal) >= 0
-    ):
+    inside = dot(cross(a, b), normal) >= 0 and dot(cross(b, c), normal) >= 0 and dot(cross(c, a), normal) >= 0
+    if length2 > 0 and inside:
         height = dot(a, normal)
         return height * height / length2
     return min(_side_distance2(a, b), _side_distance2(b, c), _side_distance2(c, a))

@@ -20,21 +20,18 @@ from cascadenorm.mesh import (
 from cascadenorm.mesh.vectors import row, squared_distance
 
 UNLIMITED = 2**31 - 1
-LEAST_SEARCHES = 16
-"""Smallest number of centres for a thread: a few large neighbourhoods are worth several threads."""
+LEAST_SEARCHES = 16  # smallest number of centres for a thread: a few large neighbourhoods are worth several threads
 
 
-def within(
-    centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr, *, most: int = UNLIMITED
-) -> Csr:
+def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr) -> Csr:
     """Find the points, (p, 3), within a radius of each centre that are connected to its seeds through such points.
 
     There are (k, 3) centres and (k,) radii. The graph has the neighbours of each point, and the seeds, k rows, are the
-    points where the search of each centre starts; those outside the radius are skipped. Returns k rows of at most
-    `most` points in breadth-first order.
+    points where the search of each centre starts; those outside the radius are skipped. Returns k rows of points
+    in breadth-first order.
     """
     count = len(centers)
-    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, most, smallest=LEAST_SEARCHES)
+    parts = parallel_for(count, _within_range, centers, radii, points, graph, seeds, smallest=LEAST_SEARCHES)
     return joined_rows(count, parts)
 
 
@@ -85,7 +82,7 @@ def _steps(faces: Ints32, around: Csr, seeds: Ints32, most: int, steps: Ints32) 
 
 @kernel
 def _within_range(
-    start: int, stop: int, centers: Vectors, radii: Floats, points: Vectors, neighbors: Csr, seeds: Csr, most: int
+    start: int, stop: int, centers: Vectors, radii: Floats, points: Vectors, neighbors: Csr, seeds: Csr
 ) -> tuple[Ints, Ints32]:
     """Search breadth first from the seeds of each centre in start … stop; return the row lengths and the points."""
     seen = np.full(len(points), -1, np.int32)
@@ -97,7 +94,7 @@ def _within_range(
         limit = radii[i] * radii[i]
         # `found` also serves as the queue: it starts at `first`, and points before `current` have been visited
         current = first - 1  # stands for the seeds
-        while current < end and end - first < most:
+        while current < end:
             if current < first:
                 low, high, source = seeds.indptr[i], seeds.indptr[i + 1], seeds.indices
             else:
@@ -110,9 +107,6 @@ def _within_range(
                 seen[j] = i
                 if squared_distance(row(points, j), row(centers, i)) > limit:
                     continue
-                if end - first == most:
-                    break
-                # grow the buffer
                 if end == len(found):
                     found = doubled(found)
                 found[end] = j
@@ -123,17 +117,8 @@ def _within_range(
 
 
 @kernel
-def search_faces(
-    f: Index,
-    faces: Ints32,
-    around: Csr,
-    centroids: Vectors,
-    limit: float,
-    rings: int,
-    seen: tuple[Ints32, Ints32],
-    found: Ints32,
-    distances: Floats,
-) -> int:
+def search_faces(f: Index, faces: Ints32, around: Csr, centroids: Vectors, limit: float, rings: int,
+                 seen: tuple[Ints32, Ints32], found: Ints32, distances: Floats) -> int:  # fmt: skip
     """Search breadth first from face f over faces that share a vertex; return the number of faces found.
 
     The faces and the squared distances of their centroids from that of f, at most `limit`, are written to `found` and

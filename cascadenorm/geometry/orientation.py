@@ -135,10 +135,7 @@ def _find(patch: Ints32, flipped: Bools, f: Index) -> tuple[Index, bool]:
 
 @kernel
 def _at_edge(faces: Ints32, f: Index, a: Index, b: Index) -> tuple[Index, bool]:
-    """Return the third vertex of a face at an edge, and whether the face traverses it from a to b.
-
-    The vertex is -1 if the face repeats a vertex.
-    """
+    """Return the third vertex of a face, -1 if it repeats one, and whether the face traverses the edge from a to b."""
     u, v, w = faces[f]
     if u == v or v == w or w == u:
         return np.int32(-1), False

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Bools, Mesh
 
-SMALL = "1%"
-"""Fraction of the faces of the largest component below which a component counts as small."""
+SMALL = "1%"  # fraction of the faces of the largest component below which a component counts as small
 
 
 def component_limit(limit: str | int) -> tuple[float, bool]:

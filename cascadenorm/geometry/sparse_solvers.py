@@ -2,30 +2,32 @@
 
 The unknowns belong to points in space (vertices or faces). They are ordered by nested dissection of these positions,
 which for surfaces gives less fill-in than minimum degree. BLAS runs on one thread, so that solutions do not depend on
-the number of threads.
+the number of threads. Methods that solve a sequence of similar systems start `conjugate_gradients` from the previous
+solution, so a few iterations suffice for each system.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy
 
-from cascadenorm.geometry.conjugate_gradients import conjugate_gradients
-from cascadenorm.mesh import Csr, Floats, Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, MeshError, Vectors, kernel, one_blas_thread, parallel_for
+from cascadenorm.mesh.vectors import add, dot, row, scaled, subtract
 
 DIRECT_LIMIT = 1_000_000  # unknowns of a factorised matrix with about 7 entries a row: about 2 GB of factors
 DENSE_LIMIT = 10_000_000  # entries of a factorised matrix of two or three rings: about 3 GB of factors
 LEAF_UNKNOWNS = 8  # unknowns that are not split further
 FEW = 300  # iterations of conjugate gradients, about as expensive as a factorisation
 SOLVER_TOLERANCE = 1e-11  # relative residual of the iterative solutions
+MOST_ITERATIONS = 400  # for one system; the next one continues from its result
+SUM_BLOCK = 1024  # rows summed sequentially, so that results do not depend on the number of threads
+LEAST_BLOCKS = 8  # smallest number of blocks for a thread
 
 
 class Factorisation:
-    """A factorised symmetric positive definite matrix, (n, n), of unknowns at (n, 3) positions in space.
-
-    Raises MeshError if the matrix is singular.
-    """
+    """A factorised symmetric positive definite matrix of unknowns at (n, 3) positions; MeshError if it is singular."""
 
     def __init__(self, matrix: Any, positions: Floats) -> None:
         assert positions.shape == (matrix.shape[0], 3)
@@ -181,3 +183,92 @@ def _nested_dissection(indptr: Ints, indices: Ints32, positions: Vectors, leaf: 
             order[end + k] = separator[k]
         boxes.append((first, split))
         boxes.append((split, end))
+
+
+def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors, bound: float, most: int) -> bool:
+    """Improve x, (n, 3), in place until the sum of squared residuals is at most `bound`; return whether this succeeded.
+
+    At least one iteration is made, so that sequences with small steps converge, and at most `most`. The preconditioner
+    is the diagonal, which the pattern must include. The three columns share their step sizes, so the result is
+    equivariant under rotation.
+    """
+    inverse, residual, image = np.empty(len(x)), np.empty_like(x), np.empty_like(x)
+    direction, sums = np.zeros_like(x), np.empty((-(-len(x) // SUM_BLOCK), 2))
+    blockwise = partial(parallel_for, len(sums), smallest=LEAST_BLOCKS)
+    blockwise(_begin, pattern, values, right, x, inverse, residual, sums)
+    before = np.inf
+    for iteration in range(most):
+        squared, energy = sums.sum(axis=0)
+        if energy == 0.0 or (iteration > 0 and squared <= bound):
+            return True
+        blockwise(_turn, inverse, residual, energy / before, direction)
+        blockwise(_multiply, pattern, values, direction, image, sums)
+        blockwise(_advance, inverse, direction, image, energy / sums[:, 0].sum(), x, residual, sums)
+        before = energy
+    return bool(sums[:, 0].sum() <= bound)
+
+
+@kernel
+def _begin(start: int, stop: int, pattern: Csr, values: Floats, right: Vectors, x: Vectors, inverse: Floats,
+           residual: Vectors, sums: Floats) -> None:  # fmt: skip
+    """Compute the initial residual, the inverse diagonal and the sums of `_advance`."""
+    for block in range(start, stop):
+        squared = energy = 0.0
+        for i in range(block * SUM_BLOCK, min((block + 1) * SUM_BLOCK, len(x))):
+            rest = row(right, i)
+            for k in range(pattern.indptr[i], pattern.indptr[i + 1]):
+                rest = subtract(rest, scaled(values[k], row(x, pattern.indices[k])))
+                if pattern.indices[k] == i:
+                    inverse[i] = 1.0 / values[k]
+            residual[i, 0], residual[i, 1], residual[i, 2] = rest
+            size = dot(rest, rest)
+            squared += size
+            energy += inverse[i] * size
+        sums[block, 0], sums[block, 1] = squared, energy
+
+
+@kernel
+def _turn(start: int, stop: int, inverse: Floats, residual: Vectors, share: float, direction: Vectors) -> None:
+    """Make the preconditioned residual conjugate to the previous directions."""
+    rows = slice(start * SUM_BLOCK, stop * SUM_BLOCK)
+    weights, descents, directions = inverse[rows], residual[rows], direction[rows]
+    for i in range(len(weights)):
+        turned = add(scaled(weights[i], row(descents, i)), scaled(share, row(directions, i)))
+        directions[i, 0], directions[i, 1], directions[i, 2] = turned
+
+
+@kernel
+def _multiply(
+    start: int, stop: int, pattern: Csr, values: Floats, direction: Vectors, image: Vectors, sums: Floats
+) -> None:
+    """Multiply the direction by the matrix, and sum its curvature."""
+    for block in range(start, stop):
+        rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)
+        starts, directions, images = pattern.indptr[rows.start :], direction[rows], image[rows]
+        curvature = 0.0
+        for i in range(len(images)):
+            product = (0.0, 0.0, 0.0)
+            for k in range(starts[i], starts[i + 1]):
+                product = add(product, scaled(values[k], row(direction, pattern.indices[k])))
+            images[i, 0], images[i, 1], images[i, 2] = product
+            curvature += dot(product, row(directions, i))
+        sums[block, 0] = curvature
+
+
+@kernel
+def _advance(start: int, stop: int, inverse: Floats, direction: Vectors, image: Vectors, step: float, x: Vectors,
+             residual: Vectors, sums: Floats) -> None:  # fmt: skip
+    """Take a step along the direction; sum the squared residuals, plain and divided by the diagonal."""
+    for block in range(start, stop):
+        rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)
+        weights, directions, images = inverse[rows], direction[rows], image[rows]
+        places, residuals = x[rows], residual[rows]
+        squared = energy = 0.0
+        for i in range(len(places)):
+            places[i, 0], places[i, 1], places[i, 2] = add(row(places, i), scaled(step, row(directions, i)))
+            rest = subtract(row(residuals, i), scaled(step, row(images, i)))
+            residuals[i, 0], residuals[i, 1], residuals[i, 2] = rest
+            size = dot(rest, rest)
+            squared += size
+            energy += weights[i] * size
+        sums[block, 0], sums[block, 1] = squared, energy

@@ -10,10 +10,8 @@ RADIUS = 0.7
 
 In random sequential packing, discs lie √(0.91/0.55) = 1.29 times as far apart as in the densest packing. The value 0.7
 instead of 1/1.29 compensates for boundaries and for the discrete steps."""
-CLUSTER_PASSES = 30
-"""Largest number of passes over the edges in which vertices change their cluster."""
-SETTLED = 0.001
-"""Convergence criterion: fraction of the vertices that change their cluster in a pass."""
+CLUSTER_PASSES = 30  # largest number of passes over the edges in which vertices change their cluster
+SETTLED = 0.001  # convergence criterion: fraction of the vertices that change their cluster in a pass
 
 
 def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:

@@ -18,10 +18,15 @@ class Parts(NamedTuple):
     total: int
 
 
-def closed_parts(mesh: Mesh) -> Parts:
-    """Find the components in which every edge has two faces that traverse it in opposite directions."""
+def closed_parts(mesh: Mesh, *, may_touch: bool = False) -> Parts:
+    """Find the components in which every edge has two faces that traverse it in opposite directions.
+
+    If a component may touch itself along an edge, more such faces may meet there.
+    """
     topology = mesh.topology
-    open_edges = (topology.edge_faces.counts != 2) | (topology.balance != 0)
+    open_edges = topology.balance != 0
+    if not may_touch:
+        open_edges |= topology.edge_faces.counts != 2
     component = topology.components
     closed = np.zeros(component.max() + 1, bool)
     closed[component[mesh.faces[:, 0]]] = True

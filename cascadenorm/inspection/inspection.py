@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.detection.noise_level import noise_level
-from cascadenorm.detection.treads import Treads, treads
+from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import small_components
 from cascadenorm.inspection.crossings import crossing_faces

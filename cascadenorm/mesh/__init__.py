@@ -31,7 +31,6 @@ from cascadenorm.compute.threads import (
     thread_count,
 )
 from cascadenorm.errors import MeshError
-from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.frame import Frame, frame_of, in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import (
     bad_faces,
@@ -44,53 +43,13 @@ from cascadenorm.mesh.isolation import (
 )
 from cascadenorm.mesh.mesh import Mesh, face_area_vectors
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
-from cascadenorm.mesh.topology import Topology
+from cascadenorm.mesh.topology import Topology, connected_components
 
 __all__ = [
-    "Bools",
-    "Bytes",
-    "Csr",
-    "Floats",
-    "Floats32",
-    "Frame",
-    "Index",
-    "Ints",
-    "Ints32",
-    "Mesh",
-    "MeshError",
-    "Renumbered",
-    "Topology",
-    "Vectors",
-    "all_in_rows",
-    "angles_between",
-    "any_in_rows",
-    "bad_faces",
-    "bad_vertices",
-    "box_of",
-    "connected_components",
-    "doubled",
-    "face_area_vectors",
-    "first_places",
-    "frame_of",
-    "in_blocks",
-    "in_frame",
-    "isolated",
-    "joined_rows",
-    "kernel",
-    "limit_threads",
-    "one_blas_thread",
-    "ordered_for_cache",
-    "parallel_for",
-    "part_of",
-    "repeats_vertex",
-    "row_distances",
-    "row_lengths",
-    "scale_between",
-    "scaled_alike",
-    "scatter_add",
-    "sums_in_blocks",
-    "thread_count",
-    "unit",
-    "without_lines",
-    "without_repeated_faces",
-]
+    "Bools", "Bytes", "Csr", "Floats", "Floats32", "Frame", "Index", "Ints", "Ints32", "Mesh", "MeshError",
+    "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "bad_faces", "bad_vertices",
+    "box_of", "connected_components", "doubled", "face_area_vectors", "first_places", "frame_of", "in_blocks",
+    "in_frame", "isolated", "joined_rows", "kernel", "limit_threads", "one_blas_thread", "ordered_for_cache",
+    "parallel_for", "part_of", "repeats_vertex", "row_distances", "row_lengths", "scale_between", "scaled_alike",
+    "scatter_add", "sums_in_blocks", "thread_count", "unit", "without_lines", "without_repeated_faces",
+]  # fmt: skip

@@ -35,20 +35,15 @@ def frame_of(mesh: Mesh) -> Frame:
 
 
 def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
-    """Return the mesh centred and scaled by 2**-exponent, and the exponent.
-
-    Vertices without a face are placed at the origin.
-    """
+    """Return the mesh centred and scaled by 2**-exponent, and the exponent; unused vertices are at the origin."""
     frame = frame_of(mesh)
     return frame.of(mesh), frame.exponent
 
 
 def scaled_alike(*meshes: Mesh) -> list[Mesh]:
-    """Scale all meshes by the same power of two so that their largest coordinate is about 1.
-
-    Vertices without a face are moved to a vertex that has one.
-    """
-    exponent = max(_exponent(mesh) for mesh in meshes)
+    """Scale meshes by one power of two to a largest coordinate of about 1; unused vertices move to a used one."""
+    largest = max(np.abs(mesh.vertices[mesh.topology.used_vertices]).max() for mesh in meshes)
+    exponent = int(np.frexp(largest)[1])
     return [_scaled(mesh, exponent) for mesh in meshes]
 
 
@@ -57,10 +52,6 @@ def scale_between(mesh: Mesh, scaled: Mesh) -> float:
     used = mesh.topology.used_vertices
     large = np.abs(scaled.vertices[used]).argmax()
     return float(mesh.vertices[used].flat[large] / scaled.vertices[used].flat[large])
-
-
-def _exponent(mesh: Mesh) -> int:
-    return int(np.frexp(np.abs(mesh.vertices[mesh.topology.used_vertices]).max())[1])
 
 
 def _scaled(mesh: Mesh, exponent: int) -> Mesh:

@@ -61,10 +61,7 @@ class Mesh:
                 self.__dict__.pop(name, None)
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
-        """Return the mesh as a part of a larger one, with its facts (see `with_facts`) and its vertex colours, (n,).
-
-        The colours are those of `vertex_colors` of the larger mesh; -1 for none.
-        """
+        """Return the mesh as a part of a larger one, with its facts and its `vertex_colors`, (n,); -1 for none."""
         mesh = Mesh(self.vertices, self.faces)
         mesh.topology.__dict__["vertex_colors"] = grouped(groups)
         return mesh.with_facts(**facts)

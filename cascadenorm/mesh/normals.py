@@ -10,11 +10,9 @@ from cascadenorm.mesh.polygons import near_one
 from cascadenorm.mesh.vectors import area_vector, dot, row
 from cascadenorm.mesh.welding import first_equal
 
-NORMALS = ("Normals", "normals")
-"""Names of normal arrays in VTK."""
+NORMALS = ("Normals", "normals")  # names of normal arrays in VTK
 
-UNUSED, SHARED = -1, -2
-"""Placeholders for the vertex of a normal that no vertex, or more than one, uses."""
+UNUSED, SHARED = -1, -2  # placeholders for the vertex of a normal that no vertex, or more than one, uses
 
 
 class Normals(NamedTuple):
@@ -69,17 +67,8 @@ def _find_owners(corners: Ints, triangles: Ints, welds: Ints32, owner: Ints32) -
 
 
 @kernel
-def _sum_around(
-    corners: Ints,
-    groups: Ints,
-    triangles: Ints,
-    moves: Bools,
-    before: Vectors,
-    after: Vectors,
-    old: Vectors,
-    new: Vectors,
-    moved: Bools,
-) -> None:
+def _sum_around(corners: Ints, groups: Ints, triangles: Ints, moves: Bools, before: Vectors, after: Vectors,
+                old: Vectors, new: Vectors, moved: Bools) -> None:  # fmt: skip
     """Sum the area vectors of the triangles that use each group, and record whether any of them moves."""
     for f in range(len(corners)):
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]

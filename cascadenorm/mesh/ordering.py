@@ -4,7 +4,7 @@ Every pass over a mesh gathers the values of neighbours. If the vertices or face
 scattered in memory, and cache misses dominate the run time.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +25,9 @@ POOR = 20.0
 Shuffled meshes have 30 to 48, meshes of scanners and marching cubes 1 to 17, renumbered meshes 1."""
 OUTLIER_VERTICES = 0.001  # share of the vertices at either end that is ignored for the size of the cells
 BITS = 21  # bits per coordinate in a Morton code
-SPREADS = tuple(
-    (np.uint64(shift), np.uint64(mask))
-    for shift, mask in (
-        (32, 0x001F00000000FFFF),
-        (16, 0x001F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    )
-)
-"""Shifts and masks that insert two zeros between the bits of a coordinate."""
+MASKS = 0x001F00000000FFFF, 0x001F0000FF0000FF, 0x100F00F00F00F00F, 0x10C30C30C30C30C3, 0x1249249249249249
+# shifts and masks that insert two zeros between the bits of a coordinate
+SPREADS = tuple((np.uint64(32 >> k), np.uint64(mask)) for k, mask in enumerate(MASKS))
 LOWER = (1 << 32) - 1
 
 
@@ -66,22 +58,10 @@ def ordered_for_cache(mesh: Mesh) -> Renumbered:
     numbers = _sorted(morton_codes(mesh.vertices), mesh.vertices)
     places = np.empty(count, np.int32)
     places[numbers] = np.arange(count)
-    faces = _sorted_faces(renumbered_faces(mesh.faces, places), count)
+    renumbered, faces = np.empty_like(mesh.faces), np.empty_like(mesh.faces)
+    parallel_for(len(faces), _renumber_range, mesh.faces, places, renumbered)
+    parallel_for(count, _sort_range, renumbered, rows_with(renumbered[:, :1].copy(), count), faces)
     return Renumbered(Mesh(mesh.vertices[numbers], faces), numbers, places)
-
-
-def renumbered_faces(faces: NDArray[Any], places: NDArray[Any]) -> NDArray[Any]:
-    """Map faces, (m, 3), to new vertex indices, (n,), and rotate each face to begin with its lowest index."""
-    out = np.empty(faces.shape, places.dtype)
-    parallel_for(len(faces), _renumber_range, faces, places, out)
-    return out
-
-
-def _sorted_faces(faces: Ints32, count: int) -> Ints32:
-    """Sort faces by their corners; first corners are below `count`."""
-    out = np.empty_like(faces)
-    parallel_for(count, _sort_range, faces, rows_with(faces[:, :1].copy(), count), out)
-    return out
 
 
 def _sorted(codes: NDArray[np.uint64], points: Vectors) -> Ints:
@@ -92,10 +72,7 @@ def _sorted(codes: NDArray[np.uint64], points: Vectors) -> Ints:
 
 
 def cache_misses(mesh: Mesh) -> float:
-    """Return the ratio of cache misses to the fewest possible when all faces read their vertices in order.
-
-    The simulated cache is direct-mapped with LINES lines of CACHE_LINE vertices each.
-    """
+    """Return the ratio of cache misses to the fewest possible when all faces read their vertices in order."""
     return _ask(mesh.faces, np.full(LINES, -1, np.int64)) * CACHE_LINE / len(mesh.vertices)
 
 
@@ -113,10 +90,7 @@ def _ask(faces: Ints32, held: Ints) -> int:
 
 
 def morton_codes(points: Vectors) -> NDArray[np.uint64]:
-    """Return the (n,) Morton codes of points, (n, 3), with interleaved bits of the three coordinates.
-
-    Outliers are clamped to the border of the grid.
-    """
+    """Return (n,) Morton codes of points, which interleave the bits of coordinates; outliers count as at the border."""
     lower, upper = np.quantile(points, [OUTLIER_VERTICES, 1 - OUTLIER_VERTICES], axis=0)
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
     codes = np.empty(len(points), np.uint64)
@@ -144,7 +118,8 @@ def _spread(number: np.uint64) -> np.uint64:
 
 
 @kernel
-def _renumber_range(start: int, stop: int, faces: NDArray[Any], places: NDArray[Any], out: NDArray[Any]) -> None:
+def _renumber_range(start: int, stop: int, faces: Ints32, places: Ints32, out: Ints32) -> None:
+    """Map faces to new vertex indices, and rotate each face to begin with its lowest index."""
     for f in range(start, stop):
         a, b, c = places[faces[f, 0]], places[faces[f, 1]], places[faces[f, 2]]
         if b < a and b <= c:

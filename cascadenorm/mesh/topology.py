@@ -1,14 +1,15 @@
 """Mesh connectivity, independent of vertex positions."""
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import scatter_add
+from cascadenorm.compute.arrays import Ints32, scatter_add
 from cascadenorm.compute.csr import Csr, grouped, joined_rows
+from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
-from cascadenorm.mesh.connectivity import connected_components
 from cascadenorm.mesh.topology_kernels import (
     across_range,
     color_vertices,
@@ -161,7 +162,7 @@ class Topology:
         Vertices of one group can be updated in any order if an update reads only the faces around its vertex.
         """
         colors = np.full(self.vertex_count, -1, np.int32)
-        color_vertices(0, self.vertex_count, self.faces, self.vertex_faces, colors)
+        color_vertices(self.faces, self.vertex_faces, colors)
         return grouped(colors)
 
     @cached_property
@@ -183,3 +184,36 @@ def rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
     indices = np.empty(numbers.size, np.int32)
     fill_groups(numbers, indptr[1:], indices)
     return Csr(indptr[:-1], indices)
+
+
+def connected_components(links: NDArray[Any], count: int) -> Ints32:
+    """Return the (count,) component of each node of a graph with (k, 2) links, numbered by their first nodes."""
+    labels = np.empty(count, np.int32)
+    _label(np.ascontiguousarray(links, np.int32), labels)
+    return labels
+
+
+@kernel
+def root_of(labels: Ints32, node: np.int32) -> np.int32:
+    """Return the root of a node's union-find tree, halving the path to it; each label is at most its node."""
+    while labels[node] != node:
+        labels[node] = labels[labels[node]]
+        node = labels[node]
+    return node
+
+
+@kernel
+def _label(links: Ints32, labels: Ints32) -> None:
+    """Find components by union-find: until the last loop, each label is the node itself or a lower node."""
+    for i in range(len(labels)):
+        labels[i] = i
+    for k in range(len(links)):
+        a, b = root_of(labels, links[k, 0]), root_of(labels, links[k, 1])
+        labels[max(a, b)] = min(a, b)
+    count = 0
+    for i in range(len(labels)):
+        if labels[i] == i:
+            labels[i] = count
+            count += 1
+        else:
+            labels[i] = labels[labels[i]]

@@ -9,11 +9,8 @@ from cascadenorm.compute.arrays import Ints, Ints32, doubled
 from cascadenorm.compute.csr import Csr
 from cascadenorm.compute.kernels import kernel
 
-MOST_AROUND = 128
-"""Number of faces before and after a face, in the list of faces around a vertex, that are its neighbours at the vertex.
-
-It bounds neighbourhoods where many faces meet at one vertex or edge. If fewer faces meet, all of them are neighbours.
-"""
+# It bounds neighbourhoods where many faces meet at a vertex or edge. If fewer faces meet, all of them are neighbours.
+MOST_AROUND = 128  # faces before and after a face, in the list around a vertex, that are its neighbours there
 
 
 @kernel
@@ -68,6 +65,18 @@ def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[I
 
 
 @kernel
+def _place_of(indices: Ints32, low: int, high: int, number: int) -> int:
+    """Return the place of a number in the ascending indices from low to high, by binary search."""
+    while low < high:
+        middle = (low + high) // 2
+        if indices[middle] < number:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel
 def sides_up_range(start: int, stop: int, faces: Ints32, around: Csr, up: Csr, of_sides: Ints32) -> None:
     """Write the edge number of each face side whose lower vertex is in start … stop."""
     for i in range(start, stop):
@@ -76,15 +85,7 @@ def sides_up_range(start: int, stop: int, faces: Ints32, around: Csr, up: Csr, o
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
                 if min(a, b) == i:
-                    # binary search in the ascending row
-                    low, high = up.indptr[i], up.indptr[i + 1] - 1
-                    while low < high:
-                        middle = (low + high) // 2
-                        if up.indices[middle] < max(a, b):
-                            low = middle + 1
-                        else:
-                            high = middle
-                    of_sides[f, side] = low
+                    of_sides[f, side] = _place_of(up.indices, up.indptr[i], up.indptr[i + 1] - 1, max(a, b))
 
 
 @kernel
@@ -125,13 +126,10 @@ def sort(values: NDArray[Any]) -> None:
 
 
 @kernel
-def color_vertices(start: int, stop: int, faces: Ints32, around: Csr, colors: Ints32) -> None:
-    """Give each vertex in start … stop, in order, the lowest colour unused by its neighbours; -1 means no colour."""
-    most = 0
+def color_vertices(faces: Ints32, around: Csr, colors: Ints32) -> None:
+    """Give each vertex with a face, in order, the lowest colour that its neighbours do not have; -1 means no colour."""
+    taken = np.full(len(colors) + 1, -1, np.int32)  # last vertex with a neighbour of each colour
     for i in range(len(colors)):
-        most = max(most, colors[i] + 1)
-    taken = np.full(most + stop - start + 1, -1, np.int32)  # last vertex with a neighbour of each colour
-    for i in range(start, stop):
         first, last = around.indptr[i], around.indptr[i + 1]
         for k in range(first, last):
             for corner in range(3):
@@ -151,13 +149,7 @@ def _near(around: Csr, vertex: int, face: int) -> tuple[int, int]:
     first, last = around.indptr[vertex], around.indptr[vertex + 1]
     if last - first <= MOST_AROUND + 1:
         return first, last
-    low, high = first, last - 1  # binary search
-    while low < high:
-        middle = (low + high) // 2
-        if around.indices[middle] < face:
-            low = middle + 1
-        else:
-            high = middle
+    low = _place_of(around.indices, first, last - 1, face)
     return max(first, low - MOST_AROUND), min(last, low + MOST_AROUND + 1)
 
 

@@ -6,8 +6,7 @@ from cascadenorm.compute.arrays import Floats, Index
 from cascadenorm.compute.kernels import kernel
 
 Vector = tuple[float, float, float]
-Three = Vector | Floats
-"""A vector, as a tuple or as a row of an array."""
+Three = Vector | Floats  # a vector, as a tuple or as a row of an array
 
 
 @kernel

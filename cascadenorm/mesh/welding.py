@@ -11,8 +11,7 @@ from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, any_in_rows, connected_c
 
 PRIME = 2**31 - 1
 NEIGHBORS = 8
-NEAR = 1e-3
-"""Distance, in median edge lengths, within which boundary vertices nearly coincide."""
+NEAR = 1e-3  # distance, in median edge lengths, within which boundary vertices nearly coincide
 
 
 def weld(
@@ -94,10 +93,7 @@ def _weld_equal(
 
 
 def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
-    """Return the first row equal to each row of floating-point numbers, and whether it equals any other row.
-
-    The result is None if all rows differ. NaN equals NaN with the same bits.
-    """
+    """Return the first row equal to each, and whether it equals another, by bits; None if all rows differ."""
     with np.errstate(invalid="ignore"):  # signalling NaN
         bits = np.add(rows, 0.0, dtype=np.float64, order="C").view(np.int64)  # -0 becomes 0
     same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)

@@ -12,10 +12,8 @@ from cascadenorm.mesh import thread_count
 from cascadenorm.patches.work import Patching, working_in_patches
 from cascadenorm.registry import Method, registered
 
-WHOLE_FACE_BYTES = 350
-"""Largest memory use in bytes per face of the whole mesh, including its file, during work in patches."""
-PATCH_FACE_BYTES = 900
-"""Largest memory use in bytes per face of the current patch; benchmarks/speed/scale.py measures both."""
+WHOLE_FACE_BYTES = 350  # largest memory use per face of the whole mesh, including its file, during work in patches
+PATCH_FACE_BYTES = 900  # the same per face of the current patch; benchmarks/speed/scale.py measures both
 MIN_PATCH_FACES, MAX_PATCH_FACES = 500_000, 4_000_000
 """Limits on the faces of a patch: halos of smaller patches are too expensive, larger patches save little."""
 STEPWISE_METHODS = ("auto", "cascade", "guided-normal")

@@ -8,12 +8,8 @@ import scipy
 
 from cascadenorm.mesh import Ints, Mesh, connected_components
 
-COINCIDENCE_TOLERANCE = 2.0**-20
-"""Tolerance for coincident vertices as a fraction of the largest coordinate.
-
-It exceeds the rounding to single precision and to six decimal digits."""
-MAX_TOLERANCE_EDGES = 0.01
-"""Upper limit of the tolerance in mean edge lengths, for meshes with large coordinates."""
+COINCIDENCE_TOLERANCE = 2.0**-20  # share of the largest coordinate, more than single precision and six digits round
+MAX_TOLERANCE_EDGES = 0.01  # upper limit of the tolerance in mean edge lengths, for meshes with large coordinates
 
 
 class Joined(NamedTuple):

@@ -45,10 +45,7 @@ class Shells(NamedTuple):
 
 
 def split_into_shells(mesh: Mesh) -> tuple[Mesh, Shells | None]:
-    """Return a mesh without duplicate faces on shared walls, and its shells.
-
-    If no regions share walls, the mesh is returned unchanged with None (see `shells`).
-    """
+    """Return a mesh without duplicate faces on shared walls, and its `shells`; the mesh itself and None without any."""
     parts = shells(mesh)
     if parts is None:
         return mesh, None

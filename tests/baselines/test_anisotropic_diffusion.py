@@ -7,7 +7,7 @@ from cascadenorm.baselines.anisotropic_diffusion import (
     anisotropic_laplacian,
     diffused_vertex_normals,
 )
-from cascadenorm.baselines.curvature_flow import mean_curvature_flow
+from cascadenorm.baselines.diffusion import mean_curvature_flow
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit
 

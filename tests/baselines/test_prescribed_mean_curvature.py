@@ -4,7 +4,7 @@ from shapes import cube, grid, icosphere, noisy
 from test_anisotropic_diffusion import distance_to_cube
 
 from cascadenorm.baselines.anisotropic_diffusion import diffused_vertex_normals
-from cascadenorm.baselines.curvature_flow import mean_curvature_flow
+from cascadenorm.baselines.diffusion import mean_curvature_flow
 from cascadenorm.baselines.prescribed_mean_curvature import area_gradient, crease_weights, prescribed_mean_curvature
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit

@@ -6,7 +6,7 @@ from test_prescribed_mean_curvature import cylinder
 
 from cascadenorm.baselines.fairing import fairing
 from cascadenorm.errors import ParameterError
-from cascadenorm.geometry.fairing import blend, grown
+from cascadenorm.geometry.fairing import fair, grown
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh
 
@@ -100,11 +100,11 @@ def test_what_nothing_holds_is_refused():
         fairing(two, region=np.arange(84) >= 42)
 
 
-def test_blend_rounds_the_edges_of_a_cube_and_nothing_else():
+def test_a_fair_seam_rounds_the_edges_of_a_cube_and_nothing_else():
     box = cube(12)
     seam = (abs(box.vertices) > 1 - 1e-9).sum(axis=1) > 1
-    moved = blend(box, seam, width=2)
-    away = ~grown(box, seam, rings=2)
+    region = grown(box, seam, rings=2)
+    moved, away = fair(box, region), ~region
     assert (moved[away] == box.vertices[away]).all()
     turn = [
         np.linalg.norm(

@@ -15,14 +15,10 @@ from cascadenorm.mesh import Mesh, connected_components, in_frame, scatter_add, 
 
 FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 
-OUTER = 2 * math.pi
-"""Ratio of squared boundary length to component area above which a boundary is an outer one.
+# It is 2π for a hemisphere, 4π for a disk, and much smaller for a sphere with a small hole.
+OUTER = 2 * math.pi  # ratio of squared boundary length to component area above which a boundary is an outer one
 
-It is 2π for a hemisphere, 4π for a disk, and much smaller for a sphere with a small hole.
-"""
-
-STRAIGHTENED = range(-2, 3)
-"""Window of neighbours that smooths a loop before its length is measured, against zigzags and noise."""
+STRAIGHTENED = range(-2, 3)  # window that smooths a loop before its length is measured, against zigzags
 
 Outer = Literal["keep", "fill"]
 

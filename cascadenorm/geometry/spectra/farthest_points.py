@@ -8,8 +8,7 @@ import numpy as np
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Bools, Csr, Floats, Ints, Ints32, Mesh, in_frame, kernel, without_lines
 
-PROGRESS = 1e-12
-"""Smallest relative decrease of a distance that is propagated."""
+PROGRESS = 1e-12  # smallest relative decrease of a distance that is propagated
 
 
 class UnfoldedFaces(NamedTuple):
@@ -59,10 +58,7 @@ def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints
 
 
 def spread_samples(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
-    """Return samples as `farthest_points` does, and the (n,) distance from each vertex to the nearest sample.
-
-    Vertices without a face are not sampled, and their distance is inf.
-    """
+    """Return samples as `farthest_points` does, and each vertex's distance to the nearest; inf without a face."""
     samples, distances = np.empty(count, np.int64), np.full(len(mesh.vertices), np.inf)
     nearest = np.full(len(mesh.vertices), -1)  # nearest sample of each vertex
     found = _spread(_unfolded(mesh), mesh.topology.used_vertices, first, samples, nearest, distances)
@@ -114,12 +110,10 @@ def _march(unfolded: UnfoldedFaces, center: int, nearest: Ints, distances: Float
                 to_b = min(to_b, _across(unfolded, 3 * f + (k + 2) % 3, distances))
             if nearest[b] == center:
                 to_c = min(to_c, _across(unfolded, 3 * f + k, distances))
-            if to_b < distances[b] * (1.0 - PROGRESS):
-                distances[b], nearest[b] = to_b, center
-                heapq.heappush(queue, (to_b, np.int64(b)))
-            if to_c < distances[c] * (1.0 - PROGRESS):
-                distances[c], nearest[c] = to_c, center
-                heapq.heappush(queue, (to_c, np.int64(c)))
+            for v, to_v in ((b, to_b), (c, to_c)):
+                if to_v < distances[v] * (1.0 - PROGRESS):
+                    distances[v], nearest[v] = to_v, center
+                    heapq.heappush(queue, (to_v, np.int64(v)))
 
 
 @kernel

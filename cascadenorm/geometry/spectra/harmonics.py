@@ -12,8 +12,7 @@ from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Mesh, one_blas_thread
 
 BAND = 60  # eigenpairs around one shift
-EIGENVALUE_TOLERANCE = 1e-10
-"""Relative residual of eigenvalues of the inverse; their error is of the order of its square."""
+EIGENVALUE_TOLERANCE = 1e-10  # relative residual of the inverse; the error is of the order of its square
 RESTARTS = 60  # Lanczos restarts in one band, at most; 2 to 5 are usual
 DENSE = 1200  # vertices up to which a dense solver is used
 TOO_ALIKE = (
