@@ -42,7 +42,17 @@ class BoundaryEdges(NamedTuple):
     @classmethod
     def of(cls, edges: NDArray[np.int32]) -> "BoundaryEdges":
         """Find the adjacency of edges, (b, 2) vertex indices, with arbitrary directions."""
-        return cls(edges, *_neighbors(edges))
+        # Number the tail of edge e as end 2 e and its head as 2 e + 1; pair the ends where exactly two meet at a vertex
+        ends = edges.ravel()
+        order = np.argsort(ends, kind="stable")
+        in_pairs = np.bincount(ends)[ends[order]] == 2
+        pairs = order[in_pairs].reshape(-1, 2)
+        partner = np.full(len(ends), -2)
+        partner[pairs] = pairs[:, ::-1]
+
+        # The edges run in opposite directions if two tails or two heads meet
+        partners = partner.reshape(-1, 2)
+        return cls(edges, partners // 2, np.where(partners % 2 == np.arange(2), -1.0, 1.0))
 
 
 def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> BoundaryEdges:
@@ -55,21 +65,6 @@ def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> Bounda
     corners = mesh.faces if faces is None else faces
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)[single & proper]
     return BoundaryEdges.of(edges)
-
-
-def _neighbors(edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the neighbors and signs of `BoundaryEdges`."""
-    # Number the tail of edge e as end 2 e and its head as 2 e + 1; pair the ends where exactly two meet at a vertex
-    ends = edges.ravel()
-    order = np.argsort(ends, kind="stable")
-    in_pairs = np.bincount(ends)[ends[order]] == 2
-    pairs = order[in_pairs].reshape(-1, 2)
-    partner = np.full(len(ends), -2)
-    partner[pairs] = pairs[:, ::-1]
-
-    # The edges run in opposite directions if two tails or two heads meet
-    partners = partner.reshape(-1, 2)
-    return partners // 2, np.where(partners % 2 == np.arange(2), -1.0, 1.0)
 
 
 def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) -> Vectors:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,10 +55,7 @@ def apply_method(method: Method, parameters: Mapping[str, Any], width: float | N
     The width of the errors is in mesh units. If it is None, learned methods detect the steps of enlarged volumes.
     Returns (n, 3) vertices.
     """
-
-    def on_copy(copy: CoarseCopy) -> Vectors:
-        return _on_copy(method, parameters, copy)
-
+    on_copy = partial(_on_copy, method, parameters)
     if width is not None:
         return without_wide_errors(mesh, width, on_copy)
     widths = enlarged_steps(mesh) if method.converges else np.zeros(1)
@@ -72,9 +70,7 @@ def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) ->
         held = np.zeros(len(copy.mesh.vertices), bool)
         held[copy.labels[~parameters[REGION] & (copy.labels >= 0)]] = True
         parameters = {**parameters, REGION: ~held}
-    coarser = len(copy.mesh.vertices) < len(copy.labels)
-    # The triangles of a coarse copy do not show the kind of surface
-    if coarser:
+    if len(copy.mesh.vertices) < len(copy.labels):  # the triangles of a coarse copy do not show the kind of surface
         parameters = as_unknown_surface(method, parameters)
     return np.asarray(method.function(copy.mesh, **parameters))
 

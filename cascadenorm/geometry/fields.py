@@ -92,14 +92,12 @@ def field(name: str, meshes: Mapping[str, Mesh], other: Mesh, unit: float) -> Fi
 
 def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Floats:
     against = QUANTITIES[name].against
-    if against == "truth":
-        return _errors(mesh, other, unit)[name]
-    if against == "input":
-        if not np.array_equal(mesh.faces, other.faces):
-            problem = f"does not have the same faces as the mesh that it is compared with, so {name} is not defined"
-            raise MeshError(f"{key} {problem}", hint="use distance")
-        return _changes(other, mesh, unit)[name]
-    return local_noise(mesh) if name == "noise" else mean_curvature(mesh) / unit
+    if against is None:
+        return local_noise(mesh) if name == "noise" else mean_curvature(mesh) / unit
+    if against == "input" and not np.array_equal(mesh.faces, other.faces):
+        problem = f"does not have the same faces as the mesh that it is compared with, so {name} is not defined"
+        raise MeshError(f"{key} {problem}", hint="use distance")
+    return (_errors(mesh, other, unit) if against == "truth" else _changes(other, mesh, unit))[name]
 
 
 def _errors(mesh: Mesh, truth: Mesh, unit: float) -> dict[str, Floats]:

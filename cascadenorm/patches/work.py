@@ -17,10 +17,8 @@ from cascadenorm.patches.cutting import Cutter, MeshPatch, TooNarrow, without_po
 
 Result = TypeVar("Result")
 
-HALO_MARGIN = 2
-"""Extra width of a halo in edges beyond the receptive field of the work.
-
-A face inside may have two corners in the halo, and the faces around the outermost vertices are incomplete."""
+# A face inside may have two corners in the halo, and the faces around the outermost vertices are incomplete.
+HALO_MARGIN = 2  # extra width of a halo in edges beyond the receptive field of the work
 
 
 @dataclass

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from shapes import ball_of_voxels, cubes, cylinder, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.data_gen.meshing.tessellated_part import PartBuilder
+from cascadenorm.data_gen.meshing.cad_tessellation import PartBuilder
 from cascadenorm.data_gen.scanning.volumes import surface_nets, volume_surface
 from cascadenorm.detection.error_kind import error_kind
 from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
