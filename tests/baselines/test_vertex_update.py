@@ -5,7 +5,7 @@ import pytest
 from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
-from cascadenorm.baselines import vertex_fit
+from cascadenorm.baselines import vertex_update
 from cascadenorm.baselines.vertex_update import Weighting, face_weights, least_squares_vertices, recover_vertices
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import registered
@@ -100,12 +100,12 @@ def test_many_sweeps_of_the_vertex_update_come_to_the_same_place():
 def test_one_factorisation_does(monkeypatch):
     made = []
 
-    class Counted(vertex_fit.Factorisation):
+    class Counted(vertex_update.Factorisation):
         def __init__(self, matrix, positions):
             made.append(matrix.shape)
             super().__init__(matrix, positions)
 
-    monkeypatch.setattr(vertex_fit, "Factorisation", Counted)
+    monkeypatch.setattr(vertex_update, "Factorisation", Counted)
     fitted(icosphere(2), icosphere(2).face_normals)
     assert made == [(3 * 162, 3 * 162)]
 
@@ -114,7 +114,7 @@ def test_huge_systems_are_solved_by_conjugate_gradients_with_the_same_result(mon
     clean = icosphere(2)
     rough = noisy(clean, 0.2)
     direct = fitted(rough, clean.face_normals).vertices
-    monkeypatch.setattr(vertex_fit, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(vertex_update, "DENSE_LIMIT", 0)
     np.testing.assert_allclose(fitted(rough, clean.face_normals).vertices, direct, atol=1e-8)
 
 
