@@ -29,10 +29,10 @@ from cascadenorm.cli import run
 from cascadenorm.compute.shipped_kernels import KERNELS_FOLDER, PROCESSORS
 from cascadenorm.detection.gate import Treatment
 
-SCAN = Path(cn.__file__).parent / "demo_data" / "scan" / "noisy.ply"
+SCAN, PART = (Path(cn.__file__).parent / "demo_data" / name / "noisy.ply" for name in ("scan", "part"))
 FORMATS = ("ply", "obj", "off", "stl", "gltf", "glb")
 FACES = 400
-COMMON = ("auto", "cascade", "bilateral-normal", "taubin")
+COMMON = ("auto", "cascade", "bilateral-normal")
 """Methods whose kernels are compiled with `--common`."""
 
 
@@ -110,6 +110,7 @@ def exercise() -> None:
         _run("spectrum", str(piece))
         _run("compare", str(piece), str(SCAN))
         _run("denoise", str(shuffled(piece)), "--method", "bilateral-normal")
+        _run("denoise", str(PART), "-o", str(piece), "--force")  # a closed surface
 
 
 def exercise_common() -> None:
@@ -122,9 +123,10 @@ def exercise_common() -> None:
         for format in FORMATS:
             other = piece.with_suffix(f".{format}")
             cn.write(cn.read(piece).mesh, other, force=True)
-            _run("denoise", str(other), "--force")
+            _run("denoise", str(other), "--method", "taubin", "--force")
         _run("inspect", str(piece))
         _run("denoise", str(shuffled(piece)))
+        _run("denoise", str(PART), "-o", str(piece), "--force")  # a closed surface
 
 
 @contextmanager
