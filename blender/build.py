@@ -70,10 +70,10 @@ def this_platform() -> str:
 
 
 def own_wheel(folder: Path) -> list[Path]:
-    """Build the wheel of this package."""
+    """Build the universal wheel of this package."""
     shutil.rmtree(ROOT / "build", ignore_errors=True)  # of an earlier build, whose files would get in
-    run = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder / "own"), str(ROOT)]
-    subprocess.run(run, check=True)
+    words = ["--quiet", "--no-deps", "--config-settings", "kernels=none", "--wheel-dir", str(folder / "own"), str(ROOT)]
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *words], check=True)
     return list((folder / "own").glob("*.whl"))
 
 

@@ -45,8 +45,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def built(output: Path) -> tuple[Path, Path]:
-    """Build the sdist, and the wheel from it."""
-    run("build", "--outdir", output, ROOT, stdout=subprocess.DEVNULL)
+    """Build the sdist, and the universal wheel from it."""
+    run("build", "--config-setting", "kernels=none", "--outdir", output, ROOT, stdout=subprocess.DEVNULL)
     return next(output.glob("*.tar.gz")), next(output.glob("*.whl"))
 
 

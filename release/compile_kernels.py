@@ -2,8 +2,10 @@
 
     python release/compile_kernels.py           # compiles for any processor of this kind, and keeps what was compiled
     python release/compile_kernels.py --check   # fails where a run still compiles something
+    python release/compile_kernels.py --cache   # compiles for this processor, into the cache of kernels
 
 Kernels are compiled as they are called: every method is run and every format is read once, on a small piece of a scan.
+With `--common`, which is much faster, only the methods in COMMON and `inspect` are run.
 """
 
 import argparse
@@ -11,11 +13,11 @@ import gc
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, get_args
 
 import numba
 import numpy as np
@@ -25,20 +27,30 @@ from numba.core import event
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.compute.shipped_kernels import KERNELS_FOLDER, PROCESSORS
+from cascadenorm.detection.gate import Treatment
 
-SCAN = Path(cn.__file__).parent / "demo_data" / "scan" / "noisy.ply"
+SCAN, PART = (Path(cn.__file__).parent / "demo_data" / name / "noisy.ply" for name in ("scan", "part"))
 FORMATS = ("ply", "obj", "off", "stl", "gltf", "glb")
 FACES = 400
+COMMON = ("auto", "cascade", "bilateral-normal")
+"""Methods whose kernels are compiled with `--common`."""
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Compile, in a process of its own whose numba is set up for it; or check."""
+    """Compile, in a process of its own whose numba is set up for it; or check; or fill the cache."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compile nothing, and fail where something is compiled")
+    ways = parser.add_mutually_exclusive_group()
+    ways.add_argument("--check", action="store_true", help="compile nothing, and fail where something is compiled")
+    ways.add_argument("--cache", action="store_true", help="fill the cache of kernels instead")
+    parser.add_argument("--common", action="store_true", help="compile only what common commands need")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args(arguments)
+    use = exercise_common if chosen.common else exercise
+    if chosen.cache:
+        use()
+        return
     if chosen.here:
-        work(chosen.check)
+        work(use, chosen.check)
         return
     processor, _ = PROCESSORS[get_process_triple().partition("-")[0]]
     settings = {} if chosen.check else {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
@@ -48,10 +60,10 @@ def main(arguments: list[str] | None = None) -> None:
     raise SystemExit(done.returncode)
 
 
-def work(check: bool) -> None:
-    """Run what compiles kernels; then keep them, or say which ones were compiled."""
+def work(use: Callable[[], None], check: bool) -> None:
+    """Call what compiles kernels; then keep them, or say which ones were compiled."""
     with compiled() as names:
-        exercise()
+        use()
     if not check:
         from cascadenorm.compute.kernel_cache import KernelCache
 
@@ -84,11 +96,7 @@ def compiled() -> Iterator[list[str]]:
 
 def exercise() -> None:
     """Denoise a piece of the scan that comes with the package, by each method and through each format."""
-    whole = cn.read(SCAN).mesh
-    used, faces = np.unique(whole.faces[:FACES], return_inverse=True)
-    with TemporaryDirectory() as folder:
-        piece = Path(folder) / "piece.ply"
-        cn.write(cn.from_arrays(whole.vertices[used], faces.reshape(-1, 3)), piece)
+    with piece_of_scan() as piece:
         for name in cn.methods():
             if name != "fairing":  # which needs a region: closing holes compiles its kernels
                 _run("denoise", str(piece), "--method", name, "--force")
@@ -101,9 +109,42 @@ def exercise() -> None:
         _run("inspect", str(piece))
         _run("spectrum", str(piece))
         _run("compare", str(piece), str(SCAN))
-        shuffled = Path(folder) / "shuffled.ply"  # the whole, which is put in order first
-        cn.write(cn.from_arrays(whole.vertices, np.random.default_rng(0).permutation(whole.faces)), shuffled)
-        _run("denoise", str(shuffled), "--method", "bilateral-normal")
+        _run("denoise", str(shuffled(piece)), "--method", "bilateral-normal")
+        _run("denoise", str(PART), "-o", str(piece), "--force")  # a closed surface
+
+
+def exercise_common() -> None:
+    """Denoise a piece of the scan by common methods and through each format, and inspect it."""
+    with piece_of_scan() as piece:
+        for name in COMMON:
+            _run("denoise", str(piece), "--method", name, "--force")
+        for treatment in get_args(Treatment):
+            _run("denoise", str(piece), "--set", f"treat_as={treatment}", "--force")
+        for format in FORMATS:
+            other = piece.with_suffix(f".{format}")
+            cn.write(cn.read(piece).mesh, other, force=True)
+            _run("denoise", str(other), "--method", "taubin", "--force")
+        _run("inspect", str(piece))
+        _run("denoise", str(shuffled(piece)))
+        _run("denoise", str(PART), "-o", str(piece), "--force")  # a closed surface
+
+
+@contextmanager
+def piece_of_scan() -> Iterator[Path]:
+    """Write the first faces of the scan into a temporary folder."""
+    whole = cn.read(SCAN).mesh
+    used, faces = np.unique(whole.faces[:FACES], return_inverse=True)
+    with TemporaryDirectory() as folder:
+        piece = Path(folder) / "piece.ply"
+        cn.write(cn.from_arrays(whole.vertices[used], faces.reshape(-1, 3)), piece)
+        yield piece
+
+
+def shuffled(piece: Path) -> Path:
+    """Write the whole scan with its faces in random order, which is put in order first, beside its piece."""
+    whole, path = cn.read(SCAN).mesh, piece.with_name("shuffled.ply")
+    cn.write(cn.from_arrays(whole.vertices, np.random.default_rng(0).permutation(whole.faces)), path)
+    return path
 
 
 def _run(*arguments: str) -> None:

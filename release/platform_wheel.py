@@ -11,8 +11,10 @@ with others the user compiles, as with the universal wheel. So after a release o
 import argparse
 import os
 import platform
+import re
 import subprocess
 import sys
+import sysconfig
 import zipfile
 from base64 import urlsafe_b64encode
 from hashlib import sha256
@@ -23,27 +25,46 @@ COMPILE = Path(__file__).with_name("compile_kernels.py")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Unpack the wheel, compile in what it unpacks to, check that nothing is left to compile, and pack."""
+    """Make the wheel, and print its path."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheel", type=Path, help="the universal wheel")
     parser.add_argument("--output", type=Path, default=Path(), help="folder for the new wheel")
     parser.add_argument("--build", type=int, help="number of this build of the version")
     chosen = parser.parse_args(arguments)
+    print(with_kernels(chosen.wheel, chosen.output, platform_tag(), build=chosen.build))
+
+
+def with_kernels(wheel: Path, output: Path, tag: str, *, build: int | None = None, common: bool = False) -> Path:
+    """Unpack a wheel, compile in what it unpacks to, check that nothing is left to compile, and pack; return the path.
+
+    With `common`, only kernels of common commands are compiled, and that is not checked.
+    """
     with TemporaryDirectory() as folder:
         site = Path(folder) / "site"
-        with zipfile.ZipFile(chosen.wheel) as archive:
+        with zipfile.ZipFile(wheel) as archive:
             archive.extractall(site)
-        for words in ([], ["--check"]):
-            environment = os.environ | {"PYTHONPATH": str(site), "PYTHONDONTWRITEBYTECODE": "1"}
-            subprocess.run([sys.executable, COMPILE, *words], cwd=folder, env=environment, check=True)
-        print(packed(site, chosen.wheel.name, chosen.output, chosen.build))
+        for words in [["--common"]] if common else [[], ["--check"]]:
+            compile_kernels(site, *words)
+        return packed(site, wheel.name, output, build, tag)
 
 
-def packed(site: Path, pure: str, output: Path, build: int | None) -> Path:
-    """Write the files of a folder as a wheel for this platform, with the checksums in its table; return its path."""
+def local_wheel(wheel: Path) -> Path:
+    """Write a wheel with the common kernels for this very system beside a universal wheel; return its path."""
+    return with_kernels(wheel, wheel.parent, re.sub(r"[-.]", "_", sysconfig.get_platform()), common=True)
+
+
+def compile_kernels(site: Path, *words: str) -> None:
+    """Run release/compile_kernels.py with the package in a folder."""
+    paths = [str(site), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, COMPILE, *words], cwd=site, env=environment, check=True)
+
+
+def packed(site: Path, pure: str, output: Path, build: int | None, tag: str) -> Path:
+    """Write the files of a folder, and their checksums, as a wheel for a platform and this Python; return its path."""
     name, version = pure.split("-")[:2]
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    tag = f"{python}-{python}{getattr(sys, 'abiflags', '')}-{platform_tag()}"
+    tag = f"{python}-{python}{getattr(sys, 'abiflags', '')}-{tag}"
     about = site / f"{name}-{version}.dist-info"
     lines = [line for line in (about / "WHEEL").read_text(encoding="utf-8").splitlines() if line]
     lines = [line for line in lines if not line.startswith(("Tag:", "Root-Is-Purelib:", "Build:"))]

@@ -13,7 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import row, squared_distance
 
 Weights = Literal["uniform", "cotan"]
 Order = Literal[1, 2, 3]  # power of the Laplacian: 1 membrane or diffusion, 2 thin plate, 3 minimum variation
@@ -97,9 +98,10 @@ def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]
 
 def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> NDArray[np.float64]:
     """Return the (m, 3) mollified side lengths of each face; side k joins corners k and k + 1."""
-    corners = mesh.corners
-    lengths: NDArray[np.float64] = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    slack = lengths.sum(axis=1) - 2 * lengths.max(axis=1)
+    lengths = np.empty(mesh.faces.shape)
+    parallel_for(len(lengths), _side_lengths, mesh.vertices, mesh.faces, lengths)
+    a, b, c = lengths.T
+    slack = a + b + c - 2 * np.maximum(np.maximum(a, b), c)
     missing = mollification * (mesh.mean_edge_length or 1.0) - slack.min()
     return lengths + max(float(missing), 0.0)
 
@@ -116,6 +118,13 @@ def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]
         scipy.sparse.coo_array((np.concatenate([-w, -w, diagonal]), (rows, columns)), (n, n))
     )
     return Laplacian(stiffness, mass, mesh.vertices)
+
+
+@kernel
+def _side_lengths(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
+    for f in range(start, stop):
+        for k in range(3):
+            out[f, k] = np.sqrt(squared_distance(row(vertices, faces[f, (k + 1) % 3]), row(vertices, faces[f, k])))
 
 
 @kernel

@@ -5,7 +5,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, Topology, connected_components, scatter_add
+from cascadenorm.mesh import (
+    Floats,
+    Ints32,
+    Mesh,
+    Topology,
+    Vectors,
+    connected_components,
+    kernel,
+    parallel_for,
+    scatter_add,
+)
+from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 Mask = NDArray[np.bool_]
 
@@ -45,10 +56,8 @@ def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
 
 def spikes(mesh: Mesh) -> Mask:
     """Return (n,) bool, the interior vertices whose angle sum is less than SPIKE."""
-    onward = np.roll(mesh.corners, -1, axis=1) - mesh.corners
-    backward = np.roll(mesh.corners, 1, axis=1) - mesh.corners
-    sines = np.linalg.norm(np.cross(onward, backward), axis=2)
-    angles = np.arctan2(sines, (onward * backward).sum(axis=2))
+    angles = np.empty(mesh.faces.shape)
+    parallel_for(len(angles), _angle_range, mesh.vertices, mesh.faces, angles)
     sums = scatter_add(mesh.faces.ravel(), angles.ravel(), len(mesh.vertices))
     inner = mesh.topology.used_vertices & ~mesh.topology.boundary_vertices
     return np.asarray(inner & (sums < SPIKE))
@@ -62,3 +71,14 @@ def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
     first = np.empty(len(rows), np.int64)
     first[order] = order[new][np.cumsum(new) - 1]
     return np.asarray(first != np.arange(len(rows))), first
+
+
+@kernel
+def _angle_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
+    """Compute the angle at each corner of faces."""
+    for f in range(start, stop):
+        for k in range(3):
+            corner = row(vertices, faces[f, k])
+            onward = subtract(row(vertices, faces[f, (k + 1) % 3]), corner)
+            backward = subtract(row(vertices, faces[f, (k + 2) % 3]), corner)
+            out[f, k] = np.arctan2(length(cross(onward, backward)), dot(onward, backward))

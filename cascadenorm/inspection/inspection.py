@@ -28,6 +28,7 @@ from cascadenorm.mesh import (
     Mesh,
     bad_faces,
     bad_vertices,
+    box_of,
     in_frame,
     isolated,
     ordered_for_cache,
@@ -218,8 +219,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
     crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
     every = np.arange(len(mesh.faces))
-    corners = mesh.vertices[mesh.faces.ravel()]
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    lower, upper = box_of(mesh.vertices[topology.used_vertices])
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
     return {
@@ -238,7 +238,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
         "spikes": numbered.at_vertices(spikes(small)),
         "small_components": numbered.at_faces(np.isin(every, small_components(mesh)[1])),
-        "euler_characteristic": len(np.unique(mesh.faces)) - len(topology.edges) + len(mesh.faces),
+        "euler_characteristic": int(topology.used_vertices.sum()) - len(topology.edges) + len(mesh.faces),
         "genus": int((2 - parts.characteristics[parts.manifold]).sum() // 2) if parts.manifold.any() else None,
         "lower": tuple(lower.tolist()),
         "upper": tuple(upper.tolist()),
