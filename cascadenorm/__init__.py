@@ -22,6 +22,8 @@ if TYPE_CHECKING:
         write,
     )
     from cascadenorm.api.api import Whole, compare, denoise, denoise_file, methods
+    from cascadenorm.api.inspection import Inspection, inspect
+    from cascadenorm.api.models import Denoiser, train
     from cascadenorm.api.opened_files import DenoisingSummary
     from cascadenorm.api.regions import denoise_region_files, denoise_regions
     from cascadenorm.api.spectra import Spectrum, spectrum
@@ -41,11 +43,9 @@ if TYPE_CHECKING:
     from cascadenorm.evaluation.harness import evaluate
     from cascadenorm.frontends.progress_bars import progress_bar
     from cascadenorm.geometry.metrics import Measures
-    from cascadenorm.inspection import Inspection, inspect
     from cascadenorm.io import from_arrays, read
     from cascadenorm.learned.config import TrainConfig, read_config
     from cascadenorm.mesh import Mesh
-    from cascadenorm.models.models import Denoiser, train
     from cascadenorm.reports import report
     from cascadenorm.reports.notebook import view
 
@@ -58,9 +58,9 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "ConfigError": "errors",
     "Controls": "controls",
     "DenoiseError": "errors",
-    "Denoiser": "models.models",
+    "Denoiser": "api.models",
     "DenoisingSummary": "api.opened_files",
-    "Inspection": "inspection",
+    "Inspection": "api.inspection",
     "Measures": "geometry.metrics",
     "Mesh": "mesh",
     "MeshError": "errors",
@@ -84,7 +84,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "fill_holes": "api.any_mesh",
     "from_arrays": "io",
     "geodesic_distances": "api.any_mesh",
-    "inspect": "inspection",
+    "inspect": "api.inspection",
     "manifold_harmonics": "api.any_mesh",
     "methods": "api.api",
     "progress_bar": "frontends.progress_bars",
@@ -93,7 +93,7 @@ _HOMES = {  # loaded when first used: the command line starts without numpy and 
     "report": "reports",
     "shape_dna": "api.any_mesh",
     "spectrum": "api.spectra",
-    "train": "models.models",
+    "train": "api.models",
     "view": "reports.notebook",
     "write": "api.any_mesh",
 }

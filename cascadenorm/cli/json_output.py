@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
 
+from cascadenorm.api.inspection.faults import FAULTS, surface_faults
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed_values
-from cascadenorm.inspection.faults import FAULTS, surface_faults
 from cascadenorm.io.json_text import json_text
 
 if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need

@@ -7,12 +7,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cascadenorm.api.inspection import Inspection
+from cascadenorm.api.inspection.source import Found
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures
-from cascadenorm.inspection import Inspection
-from cascadenorm.inspection.source import Found
 from cascadenorm.io.digests import file_digest
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find

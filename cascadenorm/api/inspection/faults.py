@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import repeats, spikes
+from cascadenorm.api.inspection.crossings import crossing_faces
+from cascadenorm.api.inspection.defects import repeats, spikes
 from cascadenorm.mesh import Mesh, in_frame
 
 MOST_FACES_CROSSED = 200_000

@@ -7,10 +7,10 @@ import pytest
 from shapes import cube, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api.inspection import faults
+from cascadenorm.api.inspection.defects import SPIKE, spikes
+from cascadenorm.api.inspection.faults import surface_faults
 from cascadenorm.cli import run
-from cascadenorm.inspection import faults
-from cascadenorm.inspection.defects import SPIKE, spikes
-from cascadenorm.inspection.faults import surface_faults
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 

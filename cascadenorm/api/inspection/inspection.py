@@ -6,13 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.detection.error_kind import ErrorKind, error_kind
-from cascadenorm.detection.noise_level import noise_level
-from cascadenorm.detection.treads import Treads, treads
-from cascadenorm.geometry.orientation import oriented
-from cascadenorm.geometry.small_components import small_components
-from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import (
+from cascadenorm.api.inspection.crossings import crossing_faces
+from cascadenorm.api.inspection.defects import (
     boundary_loop_count,
     flipped_edges,
     pinched_vertices,
@@ -20,9 +15,14 @@ from cascadenorm.inspection.defects import (
     spikes,
     thin_faces,
 )
-from cascadenorm.inspection.enclosed import enclosed
-from cascadenorm.inspection.faults import MOST_FACES_CROSSED
-from cascadenorm.inspection.source import Found, GivenMesh, taken
+from cascadenorm.api.inspection.enclosed import enclosed
+from cascadenorm.api.inspection.faults import MOST_FACES_CROSSED
+from cascadenorm.api.inspection.source import Found, GivenMesh, taken
+from cascadenorm.detection.error_kind import ErrorKind, error_kind
+from cascadenorm.detection.noise_level import noise_level
+from cascadenorm.detection.treads import Treads, treads
+from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.small_components import small_components
 from cascadenorm.learned.methods import Treated, auto, treated
 from cascadenorm.mesh import (
     Mesh,

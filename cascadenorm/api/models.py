@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.api.api import denoise
+from cascadenorm.api.training_pairs import training_pairs
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
@@ -20,7 +21,6 @@ from cascadenorm.learned.methods import Learned, shipped
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
-from cascadenorm.models.training_pairs import training_pairs
 
 SHIPPED = ("auto", "cascade")
 
