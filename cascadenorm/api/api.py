@@ -198,11 +198,8 @@ def denoise_file_with_meshes(
 ) -> Denoised:
     """Denoise a mesh file as `denoise_file` does, and return the meshes as well.
 
-    Parameters
-    ----------
-    on_short
-        Called with the reason before the method switches to patches because the whole mesh needs more memory than is
-        free and no `memory` was given. None skips the check of free memory.
+    Without `memory`, the method switches to patches if the whole mesh needs more memory than is free, after `on_short`
+    was called with the reason. Without `on_short`, free memory is not checked.
     """
     every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)

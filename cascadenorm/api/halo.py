@@ -164,13 +164,7 @@ class Patch:
 
 
 def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, controls: Controls) -> Halo:
-    """Return the halo of a patch.
-
-    Raises
-    ------
-    ParameterError
-        A method or control depends on the whole mesh, or the halo is too narrow or belongs to another mesh.
-    """
+    """Return the halo of a patch; raise ParameterError if it does not suffice, or belongs to another mesh."""
     halo = controls["halo"]
     if not isinstance(halo, Halo):
         raise ParameterError(f"is a {type(halo).__name__}; it must be the halo of a patch", parameter="halo")
