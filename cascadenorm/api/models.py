@@ -41,13 +41,7 @@ class Denoiser:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Denoiser":
-        """Read a weights file made by `train_cascade` or `trained_gate`.
-
-        Raises
-        ------
-        ParameterError
-            The file is missing or is not a model.
-        """
+        """Read a weights file made by `train` or `train_gate`; raises ParameterError if it is not one."""
         return cls(read_model(path))
 
     @classmethod

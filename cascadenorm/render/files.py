@@ -35,7 +35,8 @@ def draw(
 ) -> None:
     """Draw meshes side by side, each above its caption.
 
-    The camera is chosen for the last mesh. Meshes that it does not show get their own camera.
+    The camera is chosen for the last mesh. Meshes that it does not show get their own camera. A UserWarning names the
+    characters of captions that no installed font has.
 
     Parameters
     ----------
@@ -60,11 +61,6 @@ def draw(
         Values are unknown or need another mesh, or a part lies outside the picture.
     OutputError
         The file exists and `force` is False, it cannot be written, or ffmpeg is missing for an MP4 file.
-
-    Warns
-    -----
-    UserWarning
-        A caption contains a character that no installed font has.
     """
     output, style = Path(output), style or Style()
     encode = _encoder(output, turntable=turntable)
