@@ -25,7 +25,7 @@ from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.io.urls import is_url
-from cascadenorm.learned.methods import Treated, treated
+from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
 from cascadenorm.mesh import (
     Mesh,
     Vectors,
@@ -91,7 +91,7 @@ class DenoisingSummary:
     largest_displacement: float
     seconds: float
     error: ErrorKind | None
-    treated_as: Treated | None
+    treated_as: MeshTreatment | None
     left_out: tuple[str, ...]
     nearly_coincident: int = 0
     dropped_components: int = 0
@@ -234,7 +234,7 @@ def detected_error(
     denoised = order.mesh.vertices + np.ldexp(removed[0][order.numbers], -exponent)
     return {
         "error": error_kind(order.mesh, denoised, exponent=exponent),
-        "treated_as": treated(order.mesh, **method.with_defaults(parameters)),
+        "treated_as": mesh_treatment(order.mesh, **method.with_defaults(parameters)),
     }
 
 

@@ -62,7 +62,7 @@ class Gate:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-class Judged(NamedTuple):
+class ComponentKinds(NamedTuple):
     """The classification of the components of a mesh by a gate.
 
     Parameters
@@ -77,7 +77,7 @@ class Judged(NamedTuple):
     probabilities: Floats
 
 
-def judged(gate: Gate, mesh: Mesh) -> Judged:
+def component_kinds(gate: Gate, mesh: Mesh) -> ComponentKinds:
     """Classify each connected component of a mesh; small components (see SMALL_SHARE) are classified together.
 
     Closed components with few distinct triangle shapes also count as measured surfaces if they have the steps of a
@@ -97,7 +97,7 @@ def judged(gate: Gate, mesh: Mesh) -> Judged:
             probability = 1.0
         probabilities[group[faces[0]]] = probability
     each = np.where(small & (counts > 0), probabilities[-1], probabilities[:-1])
-    return Judged(each >= THRESHOLD, each)
+    return ComponentKinds(each >= THRESHOLD, each)
 
 
 def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:

@@ -23,7 +23,7 @@ from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.detection.treads import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import small_components
-from cascadenorm.learned.methods import Treated, auto, treated
+from cascadenorm.learned.methods import MeshTreatment, auto, mesh_treatment
 from cascadenorm.mesh import (
     Mesh,
     bad_faces,
@@ -152,7 +152,7 @@ class Inspection:
     resolution: float | None = None
     noise: float | None = None
     error: ErrorKind | None = None
-    treated_as: Treated | None = None
+    treated_as: MeshTreatment | None = None
     treads: Treads | None = None
 
     @property
@@ -258,7 +258,7 @@ def _noise_and_error(mesh: Mesh, exponent: int) -> dict[str, Any]:
         return {"noise": noise, "error": None, "treated_as": None}
     mesh = ordered_for_cache(mesh).mesh
     error = error_kind(mesh, auto(mesh), exponent=exponent)
-    return {"noise": None if noise is None else error.size, "error": error, "treated_as": treated(mesh)}
+    return {"noise": None if noise is None else error.size, "error": error, "treated_as": mesh_treatment(mesh)}
 
 
 def _scaled(value: float, exponent: int) -> float | None:
