@@ -9,14 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.inspection.crossings import crossing_faces
 from cascadenorm.api.inspection.defects import (
     boundary_loop_count,
+    enclosed,
     flipped_edges,
     pinched_vertices,
     repeats,
     spikes,
     thin_faces,
 )
-from cascadenorm.api.inspection.enclosed import enclosed
-from cascadenorm.api.inspection.faults import MOST_FACES_CROSSED
 from cascadenorm.api.inspection.source import Found, GivenMesh, taken
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.detection.noise_level import noise_level
@@ -35,6 +34,8 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.mesh.welding import nearly_coincident
 
+MOST_FACES_CROSSED = 200_000
+"""Maximum number of faces of meshes that are checked for self-intersections by default."""
 MOST_FACES_DENOISED = 300_000
 """Maximum number of faces for which `auto` is run to determine the kind of error."""
 NONE_FOUND = Found(0, ())
@@ -266,3 +267,12 @@ def _scaled(value: float, exponent: int) -> float | None:
     with np.errstate(over="ignore"):
         scaled = float(np.ldexp(value, exponent))
     return scaled if np.isfinite(scaled) else None
+
+
+def surface_faults(mesh: Mesh) -> dict[str, int | None]:
+    """Count crossing faces and spikes; crossing faces are None for more than MOST_FACES_CROSSED faces."""
+    small, _ = in_frame(mesh)
+    crossing = None
+    if len(mesh.faces) <= MOST_FACES_CROSSED:
+        crossing = int(crossing_faces(small, repeats(small.vertices)[1]).sum())
+    return {"crossing_faces": crossing, "spikes": int(spikes(small).sum())}
