@@ -11,9 +11,8 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import MeshError
 from cascadenorm.render import pixels, png, webp
-from cascadenorm.render.encoding import animated_webp
+from cascadenorm.render.encoding import animated_webp, mp4, require_ffmpeg
 from cascadenorm.render.figure import pdf, svg
-from cascadenorm.render.mp4 import mp4, require_ffmpeg
 from cascadenorm.render.scenes import Style, check_style, figure, one_view, scene, turntable_views
 from cascadenorm.render.style import DPI
 
