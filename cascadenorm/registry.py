@@ -15,6 +15,7 @@ import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from operator import ge, gt, le, lt
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from cascadenorm.errors import ParameterError as ParameterError
@@ -40,23 +41,22 @@ class Parameter:
     below: float | None = None
 
     @property
+    def _limits(self) -> list[tuple[str, Callable[[float, float], bool], float]]:
+        """The limits that are given: their words, tests and values."""
+        limits = (
+            ("at least", ge, self.minimum), ("at most", le, self.maximum), ("above", gt, self.above),
+            ("below", lt, self.below),
+        )  # fmt: skip
+        return [(word, test, limit) for word, test, limit in limits if limit is not None]
+
+    @property
     def allowed(self) -> str:
         """Range in words, such as 'at least 0, below 1'; empty if unlimited."""
-        limits = {"at least": self.minimum, "at most": self.maximum, "above": self.above}
-        words = [f"{word} {limit:g}" for word, limit in limits.items() if limit is not None]
-        if self.below is not None:
-            words.append("finite" if self.below == math.inf else f"below {self.below:g}")
-        return ", ".join(words)
+        return ", ".join("finite" if limit == math.inf else f"{word} {limit:g}" for word, _, limit in self._limits)
 
     def admits(self, value: float) -> bool:
         """Test whether a number is in range; NaN never is."""
-        return not (
-            math.isnan(value)
-            or (self.minimum is not None and value < self.minimum)
-            or (self.maximum is not None and value > self.maximum)
-            or (self.above is not None and value <= self.above)
-            or (self.below is not None and value >= self.below)
-        )
+        return not math.isnan(value) and all(test(value, limit) for _, test, limit in self._limits)
 
 
 @dataclass(frozen=True)

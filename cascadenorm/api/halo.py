@@ -125,18 +125,10 @@ class Whole:
 
 @dataclass(frozen=True, eq=False)
 class Halo:
-    """The vertices of a patch that only provide context and do not move.
+    """The vertices of a patch that only provide context and do not move."""
 
-    Parameters
-    ----------
-    vertices
-        (k,) bool.
-    whole
-        Properties of the whole mesh, with the rows of this patch.
-    """
-
-    vertices: NDArray[np.bool_]
-    whole: Whole
+    vertices: NDArray[np.bool_]  # (k,) which vertices of the patch
+    whole: Whole  # properties of the whole mesh, with the rows of this patch
 
 
 @dataclass(frozen=True, eq=False)
