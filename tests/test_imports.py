@@ -35,9 +35,9 @@ MAY_IMPORT = {
     "api": "errors compute execution mesh registry io detection geometry data_gen patches baselines learned controls "
     "regions",
     "batch": "version errors execution mesh registry io learned controls api",
-    "evaluation": "version errors execution mesh registry io geometry data_gen learned controls api",
+    "evaluation": "version errors execution mesh registry io geometry data_gen controls api",
     "frontends": "errors execution mesh registry io geometry controls api",
-    "reports": "version errors execution mesh registry io geometry learned controls render api evaluation",
+    "reports": "version errors execution mesh registry io geometry controls render api evaluation",
     "studio": "errors compute execution mesh registry io controls api reports",
     "cli": "version errors compute execution mesh registry io geometry learned controls render api batch "
     "evaluation reports studio",

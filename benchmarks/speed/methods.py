@@ -22,13 +22,12 @@ from typing import Any
 
 import numpy as np
 
+import cascadenorm as cn
 from benchmarks import results
 from benchmarks.speed.meshes import wavy_torus
-from cascadenorm import baselines
 from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
 from cascadenorm.geometry.spectra.harmonics import Harmonics, manifold_harmonics
 from cascadenorm.mesh import Mesh
-from cascadenorm.registry import find, registered
 
 NOISE = 0.2
 """Standard deviation in all directions, in mean edge lengths."""
@@ -40,7 +39,7 @@ HARMONICS_TITLES = ("vertices", "Lanczos", "approximate", "ratio", "error of the
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure methods or eigenpairs."""
-    methods = [name for name in registered() if find(name).function.__module__.startswith(baselines.__name__)]
+    methods = [name for name, one in cn.methods().items() if one.family != "learned"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     classical = commands.add_parser("classical", help="time and memory of each classical method")
@@ -85,7 +84,7 @@ def measured(name: str, faces: int) -> dict[str, Any]:
 
 def run(name: str, faces: int) -> dict[str, float]:
     """Run one method in this process; return wall and processor seconds, and the peak of the process."""
-    method = find(name)
+    method = cn.methods()[name]
     for size in (2000, faces):
         mesh = torus(size)
         region = {"region": mesh.vertices[:, 0] > 0} if name == "fairing" else {}
