@@ -133,21 +133,11 @@ class Halo:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A part of a mesh.
+    """A part of a mesh."""
 
-    Parameters
-    ----------
-    vertices
-        (k,) vertex indices in the whole mesh, ascending.
-    faces
-        (j, 3) indices into `vertices`.
-    halo
-        Halo to pass to `denoise`.
-    """
-
-    vertices: NDArray[np.int64]
-    faces: NDArray[np.int32]
-    halo: Halo
+    vertices: NDArray[np.int64]  # (k,) vertex indices in the whole mesh, ascending
+    faces: NDArray[np.int32]  # (j, 3) indices into `vertices`
+    halo: Halo  # to pass to `denoise`
 
     @property
     def inside(self) -> NDArray[np.int64]:
