@@ -96,15 +96,7 @@ class ConfigError(CascadenormError, ValueError):
 
 
 class OutputError(CascadenormError, OSError):
-    """An output already exists or cannot be written; nothing was changed.
-
-    Parameters
-    ----------
-    problem, hint, remedy
-        As in `CascadenormError`.
-    existing
-        Names of the existing files.
-    """
+    """An output already exists or cannot be written; nothing was changed. `existing` lists the existing files."""
 
     def __init__(
         self,
@@ -134,14 +126,9 @@ class MissingDependencyError(CascadenormError, ImportError):
     feature
         Feature that needs the package, such as "training".
     package
-        Name of the missing package, or several names separated by spaces.
+        Name of the missing package, or several names separated by spaces. `command` installs them with pip.
     extra
         Extra of cascadenorm that installs it; empty if none does.
-
-    Attributes
-    ----------
-    command
-        Command that installs it with pip.
     """
 
     def __init__(self, feature: str, *, package: str = "", extra: str = "") -> None:

@@ -15,6 +15,7 @@ import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from operator import ge, gt, le, lt
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from cascadenorm.errors import ParameterError as ParameterError
@@ -40,23 +41,22 @@ class Parameter:
     below: float | None = None
 
     @property
+    def _limits(self) -> list[tuple[str, Callable[[float, float], bool], float]]:
+        """The limits that are given: their words, tests and values."""
+        limits = (
+            ("at least", ge, self.minimum), ("at most", le, self.maximum), ("above", gt, self.above),
+            ("below", lt, self.below),
+        )  # fmt: skip
+        return [(word, test, limit) for word, test, limit in limits if limit is not None]
+
+    @property
     def allowed(self) -> str:
         """Range in words, such as 'at least 0, below 1'; empty if unlimited."""
-        limits = {"at least": self.minimum, "at most": self.maximum, "above": self.above}
-        words = [f"{word} {limit:g}" for word, limit in limits.items() if limit is not None]
-        if self.below is not None:
-            words.append("finite" if self.below == math.inf else f"below {self.below:g}")
-        return ", ".join(words)
+        return ", ".join("finite" if limit == math.inf else f"{word} {limit:g}" for word, _, limit in self._limits)
 
     def admits(self, value: float) -> bool:
         """Test whether a number is in range; NaN never is."""
-        return not (
-            math.isnan(value)
-            or (self.minimum is not None and value < self.minimum)
-            or (self.maximum is not None and value > self.maximum)
-            or (self.above is not None and value <= self.above)
-            or (self.below is not None and value >= self.below)
-        )
+        return not math.isnan(value) and all(test(value, limit) for _, test, limit in self._limits)
 
 
 @dataclass(frozen=True)
@@ -86,13 +86,7 @@ class Setting:
         return get_args(kind) if not others and get_origin(kind) is Literal else ()
 
     def checked(self, value: Any) -> Any:
-        """Convert a value, which may be text from a command line, to the type of this setting.
-
-        Raises
-        ------
-        ParameterError
-            A value has the wrong type, is not one of the choices, or is out of range.
-        """
+        """Convert a value, which may be text from a command line; raise ParameterError for one that is not allowed."""
         if self.optional and value is None:
             return None
         if self.optional and isinstance(value, str) and value == "none" and str not in self.kinds:
@@ -191,19 +185,9 @@ class Method:
         return [setting for setting in self.settings.values() if setting.name != REGION]
 
     def checked(self, parameters: Mapping[str, Any], *, further: Sequence[str] = ()) -> dict[str, Any]:
-        """Check parameters and convert them to their types.
+        """Check parameters and convert them to their types; raises ParameterError for unknown names and bad values.
 
-        Parameters
-        ----------
-        parameters
-            Values by name.
-        further
-            Other names that the caller accepts, such as those of controls, which are suggested for misspelled names.
-
-        Raises
-        ------
-        ParameterError
-            A name is unknown, or a value has the wrong type or is out of range.
+        Messages suggest names of the method, and `further` ones that the caller accepts, for misspelled names.
         """
         for name in parameters:
             if name not in self.settings:
@@ -222,12 +206,7 @@ class Method:
     def receptive_field(self, parameters: Mapping[str, Any], groups: int) -> int | None:
         """Return the number of edges around a vertex within which the mesh determines its position; None if unlimited.
 
-        Parameters
-        ----------
-        parameters
-            Parameters that are given.
-        groups
-            Number of groups in which the vertex update processes the vertices.
+        It depends on the number of groups in which the vertex update processes the vertices.
         """
         return None if self.rings is None else self.rings(self.with_defaults(parameters), groups)
 
@@ -269,13 +248,7 @@ def method(
 
 
 def find(name: str) -> Method:
-    """Return a method by its name.
-
-    Raises
-    ------
-    ParameterError
-        There is no such method.
-    """
+    """Return a method by its name; raises ParameterError if there is none."""
     if name not in _methods:
         near = get_close_matches(str(name).lower(), _methods, n=1)
         known = f"did you mean {near[0]!r}? There" if near else "there"

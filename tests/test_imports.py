@@ -31,17 +31,16 @@ MAY_IMPORT = {
     "learned": "errors compute execution mesh registry detection geometry patches data_gen baselines",
     "controls": "errors mesh registry detection geometry baselines",
     "render": "errors mesh io geometry",
-    "inspection": "mesh io detection geometry learned",
     "regions": "mesh geometry baselines controls",
-    "api": "errors compute execution mesh registry io detection geometry patches baselines learned controls regions",
+    "api": "errors compute execution mesh registry io detection geometry data_gen patches baselines learned controls "
+    "regions",
     "batch": "version errors execution mesh registry io learned controls api",
-    "evaluation": "version errors execution mesh registry io geometry data_gen learned controls api",
-    "models": "errors execution mesh io geometry data_gen learned api",
-    "frontends": "errors execution mesh registry io geometry controls inspection api",
-    "reports": "version errors execution mesh registry io geometry learned controls render inspection api evaluation",
+    "evaluation": "version errors execution mesh registry io geometry data_gen controls api",
+    "frontends": "errors execution mesh registry io geometry controls api",
+    "reports": "version errors execution mesh registry io geometry controls render api evaluation",
     "studio": "errors compute execution mesh registry io controls api reports",
-    "cli": "version errors compute execution mesh registry io geometry learned controls render inspection api batch "
-    "evaluation models reports studio",
+    "cli": "version errors compute execution mesh registry io geometry learned controls render api batch "
+    "evaluation reports studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
 

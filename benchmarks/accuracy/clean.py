@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import results, running
+from cascadenorm.api.inspection.crossings import crossing_faces
+from cascadenorm.api.inspection.defects import repeats
 from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.geometry.metrics import measure
-from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import repeats
 from cascadenorm.io import is_mesh_name
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import find_pairs

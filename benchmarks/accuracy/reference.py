@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cascadenorm import methods
 from cascadenorm.baselines.bilateral_normal import bilateral_normals, joint_bilateral_pass, spatial_weights
 from cascadenorm.baselines.guided_normal import centroid_distance, faces_within, patch_guidance
 from cascadenorm.baselines.l0 import mean_dihedral
@@ -27,7 +28,6 @@ from cascadenorm.geometry.metrics import measure
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import find_pairs
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.registry import find
 
 Parameters = Mapping[str, Any]
 
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if program is None or program.method not in options.methods or "params" not in result:
                 continue
             theirs, parameters = result["Ea_deg"], result["params"]
-            ours = _error(noisy, find(program.method)(noisy, **program.ours(noisy, parameters)), clean)
+            ours = _error(noisy, methods()[program.method](noisy, **program.ours(noisy, parameters)), clean)
             same = "–"
             if program.same_update is not None:
                 same = f"{_error(noisy, program.same_update(noisy, parameters), clean):.2f}"

@@ -1,26 +1,51 @@
-"""Run this package and others on meshes with one thing wrong each.
+"""Run this package and others on malformed meshes, as arrays and as files.
 
-    python -m benchmarks.robustness.malformed [--python FILE] [--record]
+    python -m benchmarks.robustness.malformed arrays [--python FILE] [--record]
+    python -m benchmarks.robustness.malformed files [FOLDER ...] [--method NAME]
 
-Each tool runs on each mesh in a process of its own, with a limit of processor time and of memory, on arrays in memory
-and at its defaults. The table is that of benchmarks/dirty_input.md. Tools that the given Python does not have get no
-column.
+`arrays` runs each tool on each mesh of dirty_meshes.py in a process of its own, with a limit of processor time and of
+memory, on arrays in memory and at its defaults. The table is that of benchmarks/dirty_input.md. Tools that the given
+Python does not have get no column.
+
+`files` denoises a few hundred files on the command line: the same meshes and others, in every format and with colours
+and other values, and mesh files in the given folders. Each file must be denoised within two minutes, without a
+traceback, and keep its faces and values. Prints the outcomes; the exit status is 1 if a guarantee was broken.
 """
 
 import argparse
+import contextlib
+import io
+import re
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+import cascadenorm as cn
 from benchmarks import results
 from benchmarks.robustness.dirty_meshes import Dirty, dirty_meshes
+from cascadenorm.cli import run
+from cascadenorm.io import MeshFile
+from cascadenorm.io.content import Content
+from cascadenorm.io.files import NEEDS, output_format
+from cascadenorm.io.files import write as write_file
+from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.mesh.polygons import Polygons
 
-LIMIT_S = 120  # of processor time for a mesh
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+
+import damage
+from shapes import cube, grid, icosphere, noisy
+
+LIMIT_S = 120  # for a mesh: of processor time as arrays, of wall time as a file
 MEMORY = 8 << 30  # bytes of address space for a mesh, code and libraries included
 TIMEOUT_S = 60 * LIMIT_S  # of wall time for all meshes
 LONGEST = 160  # characters of a message in the table
@@ -81,18 +106,37 @@ for name in sys.argv[1:]:
         file.write(str(os.WTERMSIG(os.waitpid(child, 0)[1])))
 """
 
+FORMATS = ("ply", "obj", "stl", "off", "glb", "gltf", "vtk", "vtu", "3mf", "dae")
+UNREADABLE, INVALID = 3, 4
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure every tool that is installed."""
+REFUSALS = ("a vertex is", "a face references", "no vertices", "points without")
+"""First words of the meshes that may be refused."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure every tool that is installed, or denoise files; return 1 if a file broke a guarantee."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--python", default=sys.executable, help="the Python in which the other tools are installed")
-    results.add_option(parser, "malformed")
+    commands = parser.add_subparsers(dest="command", required=True)
+    arrays = commands.add_parser("arrays", help="in several tools")
+    arrays.add_argument("--python", default=sys.executable, help="the Python in which the other tools are installed")
+    results.add_option(arrays, "malformed")
+    files = commands.add_parser("files", help="on the command line")
+    files.add_argument("folders", nargs="*", type=Path, help="further mesh files are looked for in these")
+    files.add_argument("--method", default="auto")
     options = parser.parse_args(arguments)
-    pythons = {name: sys.executable if name == OURS else options.python for name in TOOLS}
+    if options.command == "files":
+        return broken_guarantees(options.folders, options.method)
+    results.report(options.record, in_tools(options.python), table)
+    return 0
+
+
+def in_tools(python: str) -> dict[str, Any]:
+    """Return what each installed tool makes of each mesh."""
+    pythons = {name: sys.executable if name == OURS else python for name in TOOLS}
     versions = {name: found for name, python in pythons.items() if (found := version(name, python))}
     columns = {f"{name} {found}": measured(name, pythons[name]) for name, found in versions.items()}
     inputs = {mesh: [column[mesh] for column in columns.values()] for mesh in dirty_meshes()}
-    results.report(options.record, {"tools": list(columns), "inputs": inputs}, table)
+    return {"tools": list(columns), "inputs": inputs}
 
 
 def table(figures: results.Figures) -> str:
@@ -167,5 +211,118 @@ def median_side(dirty: Dirty) -> float:
         return float(np.median(sides)) if sides.size else 1.0
 
 
+def broken_guarantees(folders: Sequence[Path], method: str) -> int:
+    """Denoise the files; return 1 if a guarantee was broken."""
+    signal.signal(signal.SIGALRM, _hanging)
+    outcomes: Counter[str] = Counter()
+    broken = 0
+    slowest = (0.0, "")
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        for path, must_work in [*made(folder), *found(folders)]:
+            output = folder / f"{path.stem}_denoised{path.suffix}"
+            start = time.monotonic()
+            signal.alarm(LIMIT_S)
+            try:
+                outcome, problem = tried(path, output, method, must_work=must_work)
+            except Exception as error:
+                outcome, problem = "error", f"{type(error).__name__}: {error}"
+            finally:
+                signal.alarm(0)
+            slowest = max(slowest, (time.monotonic() - start, path.name))
+            outcomes[f"{path.suffix[1:]} {outcome}"] += 1
+            if problem:
+                broken += 1
+                print(f"{path.name}: {problem}", flush=True)
+            output.unlink(missing_ok=True)
+    for name, count in sorted(outcomes.items()):
+        print(f"{count:5} {name}")
+    print(f"{outcomes.total()} files, {broken} broken guarantees; the slowest took {slowest[0]:.1f} s ({slowest[1]})")
+    return int(broken > 0)
+
+
+def made(folder: Path) -> Iterator[tuple[Path, bool]]:
+    """Write malformed meshes in every format; yield each path, and whether it has to be denoised."""
+    formats = [format for format in FORMATS if format not in NEEDS or _is_written(format)]
+    rng = np.random.default_rng(0)
+    meshes = {name: (dirty.vertices, dirty.faces) for name, dirty in dirty_meshes().items()}
+    for spoil in damage.SPOILT:
+        for shape, base in {"ball": icosphere(2), "sheet": grid(16, 5), "box": cube(4)}.items():
+            mesh = noisy(base, 0.2)
+            meshes[f"{shape}{spoil.__name__}"] = spoil(mesh.vertices, mesh.faces.astype(np.int64), rng)
+    large = noisy(icosphere(5), 0.2)
+    meshes["large"] = large.vertices, large.faces.astype(np.int64)
+    for name, (vertices, faces) in meshes.items():
+        content = _content(vertices, faces, rng)
+        for format in formats:
+            path = folder / f"{re.sub(r'[^a-z0-9]+', '_', name)}.{format}"
+            with contextlib.suppress(cn.OutputError, cn.MeshError):  # what the format cannot hold
+                yield _written(content, path), not name.startswith(REFUSALS)
+
+
+def found(folders: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
+    """Yield the mesh files in folders."""
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            if path.suffix[1:].lower() in FORMATS and path.is_file():
+                yield path, False
+
+
+def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[str, str]:
+    """Denoise a file; return the outcome in a word, and the guarantee that was broken, if any."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run(["denoise", str(path), "-o", str(output), "--method", method, "--force"])
+    messages = err.getvalue().strip()
+    if code in (UNREADABLE, INVALID):
+        return "refused", messages if must_work else ""
+    if code != 0 or any(word in messages for word in ("please report", "Traceback", "Warning")):
+        return "failed", f"exit code {code}: {messages}"
+    if path.suffix == ".dae":  # trimesh joins vertices that are closer than 1e-8 when it reads them
+        return "done", ""
+    return "done", _difference(cn.read(path), cn.read(output))
+
+
+def _difference(before: MeshFile, after: MeshFile) -> str:
+    """Return what differs besides positions and normals; empty if nothing does."""
+    if not np.isfinite(after.positions).all():
+        return "a position is not finite"
+    if before.positions.shape != after.positions.shape:
+        return f"{len(before.positions)} vertices became {len(after.positions)}"
+    if not np.array_equal(before.polygons.corners, after.polygons.corners):
+        return "faces differ"
+    a, b = before.content(), after.content()
+    for old, new in ((a.vertex_values, b.vertex_values), (a.face_values, b.face_values)):
+        if old.keys() != new.keys():
+            return f"values differ: {sorted(old)} became {sorted(new)}"
+        for name in old.keys() - {"nx", "ny", "nz"}:
+            if not np.array_equal(old[name], new[name], equal_nan=True):
+                return f"values differ: {name}"
+    return ""
+
+
+def _content(vertices: NDArray[Any], faces: NDArray[np.int64], rng: np.random.Generator) -> Content:
+    colors = {name: rng.integers(0, 256, len(vertices)).astype(np.uint8) for name in ("red", "green", "blue")}
+    values = {**colors, "quality": rng.normal(size=len(vertices))}
+    return Content(vertices, Polygons.from_rows(faces), values, {"part": rng.integers(9, size=len(faces))})
+
+
+def _written(content: Content, path: Path) -> Path:
+    write_file(PlyFile(b"".join(PlyFile.encode(content)[0])), path, force=True)
+    return path
+
+
+def _is_written(format: str) -> bool:
+    try:
+        output_format(f"a.{format}")
+    except cn.OutputError:
+        return False
+    return True
+
+
+def _hanging(*_: object) -> None:
+    raise TimeoutError(f"no end after {LIMIT_S} seconds")
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

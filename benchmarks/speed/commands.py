@@ -1,18 +1,29 @@
-"""Time whole commands, from the first byte read to the last one written.
+"""Time whole commands: on meshes of several sizes, and in the first run after an installation.
 
-    python -m benchmarks.speed.commands [--method NAME ...] [--environment DIR] [--record]
+    python -m benchmarks.speed.commands times [--method NAME ...] [--environment DIR] [--record]
+    python -m benchmarks.speed.commands first-run WHEEL PLATFORM_WHEEL [--record]
 
-The meshes are generated: a torus with waves, and noise along its normals. PyMeshLab, the fastest of the other
-libraries, is installed into an environment of its own. The table is that of benchmarks/speed.md; the plan in
+`times` measures from the first byte read to the last one written, on generated tori with waves and noise along their
+normals. PyMeshLab, the fastest of the other libraries, is installed into an environment of its own. The plan in
 benchmarks/scale.md is computed from the same record.
+
+`first-run` compares wheels with and without compiled kernels, which release/check.py and release/platform_wheel.py
+build. Each method runs twice with each wheel, from an empty kernel cache. Measured are the processor time of both runs
+and the number of functions that the first one compiled. The tables are those of benchmarks/speed.md.
 """
 
 import argparse
+import os
+import subprocess
+import sys
 import tempfile
+import zipfile
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 from math import log, prod
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks import results
 from benchmarks.environments import interpreter
@@ -37,18 +48,55 @@ meshes.apply_coord_two_steps_smoothing()
 meshes.save_current_mesh(sys.argv[2])
 """
 
+INSTALLED = ("taubin", "bilateral-normal", "auto")
+"""Methods that run after an installation."""
+WHEELS = ("universal", "for one platform")
+COUNT_COMPILED = """
+import resource, sys
+from numba.core import event
+compiled = []
+
+class Listener(event.Listener):
+    def on_start(self, event):
+        compiled.append(event)
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Listener())
+from cascadenorm.cli import run
+code = run(sys.argv[1:])
+used = resource.getrusage(resource.RUSAGE_SELF)
+print(len(compiled), used.ru_utime + used.ru_stime)
+sys.exit(code)
+"""
+
+
+class FirstRun(NamedTuple):
+    """One command: functions that numba compiled for it, and seconds of processor time."""
+
+    compiled: int
+    seconds: float
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Time the start, and each method on meshes of several sizes."""
+    """Time commands, or first runs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--method", action="append", help="may be given several times")
-    parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="of PyMeshLab")
-    results.add_option(parser, "commands")
+    commands = parser.add_subparsers(dest="command", required=True)
+    times = commands.add_parser("times", help="of the start, and of each method on meshes of several sizes")
+    times.add_argument("--method", action="append", help="may be given several times")
+    times.add_argument("--environment", type=Path, default=Path("build/peers"), help="of PyMeshLab")
+    results.add_option(times, "commands")
+    first = commands.add_parser("first-run", help="with and without compiled kernels")
+    first.add_argument("wheels", type=Path, nargs=2, metavar="WHEEL")
+    results.add_option(first, "first-run")
     options = parser.parse_args(arguments)
-    peer = interpreter(options.environment, ["pymeshlab"])
-    runs = measured(options.method or METHODS, peer)
-    figures = {"machine": results.machine(), "threads": thread_count(), "runs": runs}
-    results.report(options.record, figures, table)
+    if options.command == "times":
+        runs = measured(options.method or METHODS, interpreter(options.environment, ["pymeshlab"]))
+        figures = {"machine": results.machine(), "threads": thread_count(), "runs": runs}
+        results.report(options.record, figures, table)
+    else:
+        results.report(options.record, first_runs(options.wheels), first_run_table)
 
 
 def measured(methods: Sequence[str], peer: Path) -> list[dict[str, Any]]:
@@ -122,6 +170,48 @@ def growth(figures: results.Figures) -> list[str]:
                 f"The time of `{name}` grows with the power {power:.2f} of the faces from {SMALL} to {LARGEST}."
             )
     return lines
+
+
+def first_runs(packages: Sequence[Path]) -> dict[str, Any]:
+    """Run each method twice with each wheel."""
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor() as pool:  # processor time: runs may overlap
+        mesh = Path(folder, "mesh.ply")
+        save_mesh(mesh, wavy_torus(*SIZES["10 k faces"]))
+        sites = {kind: Path(folder, str(number)) for number, kind in enumerate(WHEELS)}
+        for site, wheel in zip(sites.values(), packages, strict=True):
+            with zipfile.ZipFile(wheel) as archive:
+                archive.extractall(site)
+        asked = list(product(INSTALLED, WHEELS))
+        found = pool.map(lambda pair: twice(mesh, pair[0], sites[pair[1]]), asked)
+        runs = [
+            [method, kind, first.compiled, first.seconds, later.seconds]
+            for (method, kind), (first, later) in zip(asked, found, strict=True)
+        ]
+    wheels = {kind: wheel.stat().st_size / 1e6 for kind, wheel in zip(WHEELS, packages, strict=True)}
+    return {"machine": results.machine(), "wheels": wheels, "runs": runs}
+
+
+def twice(mesh: Path, method: str, site: Path) -> tuple[FirstRun, FirstRun]:
+    """Denoise twice with the package in a folder; kernels are kept beside it, and there are none at first."""
+    environment = os.environ | {"PYTHONPATH": str(site), "NUMBA_CACHE_DIR": f"{site}-{method}"}
+    words = ["denoise", mesh, "--method", method, "-o", f"{site}-{method}.ply", "--force", "--json"]
+    command = [sys.executable, "-c", COUNT_COMPILED, *words]
+    runs = []
+    for _ in range(2):
+        done = subprocess.run(command, cwd=mesh.parent, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+        compiled, seconds = done.stdout.split()[-2:]
+        runs.append(FirstRun(int(compiled), float(seconds)))
+    return runs[0], runs[1]
+
+
+def first_run_table(figures: results.Figures) -> str:
+    """Return a row for each method and wheel."""
+    rows = [
+        [method, f"{kind}, {figures['wheels'][kind]:.1f} MB", f"{compiled}", f"{first:.1f}", f"{later:.1f}"]
+        for method, kind, compiled, first, later in figures["runs"]
+    ]
+    titles = ["method", "wheel", "compiled", "first run, s", "second run, s"]
+    return f"{figures['machine']}.\n\n{results.markdown(titles, rows)}"
 
 
 if __name__ == "__main__":

@@ -1,17 +1,24 @@
-"""Measure where the processor time of methods goes, kernel by kernel, against the speed of memory and matrix products.
+"""Measure what the kernels of methods do: how long each takes, and how often they go over the mesh.
 
-    python -m benchmarks.speed.kernels [--method NAME ...] [--environment DIR] [--record]
+    python -m benchmarks.speed.kernels times [--method NAME ...] [--environment DIR] [--record]
+    python -m benchmarks.speed.kernels counts [--record REASON]
 
-Denoises a torus of a million faces on one thread. It counts processor time, which depends less on what else the machine
-does than wall time. With `--record` it also draws a flame graph of each method beside benchmarks/performance.md, where
-the tables are; py-spy, which samples the calls, is installed into an environment of its own.
+`times` measures where the processor time of methods goes, against the speed of memory and matrix products. It denoises
+a torus of a million faces on one thread, and counts processor time, which depends less on what else the machine does
+than wall time. With `--record` it also draws a flame graph of each method beside benchmarks/performance.md, where the
+tables are; py-spy, which samples the calls, is installed into an environment of its own.
+
+`counts` counts passes, bytes and memory, which tell on any machine whether a method became slower. It compares with the
+last record and fails where a count has grown; `--record` appends a record to benchmarks/records/track.json.
 """
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
 import time
+import tracemalloc
 from collections import Counter
 from collections.abc import Callable, Sequence
 from html import escape
@@ -48,16 +55,31 @@ LEAST_DRAWN = 0.003
 """Share of the time from which a call is drawn."""
 COLORS = ("#f4a261", "#e9c46a", "#f6bd60", "#f28482")
 
+# of counts
+HISTORY = results.ROOT / results.FOLDER / "track.json"
+COUNTED = ("auto", "cascade", "bilateral-normal", "guided-normal", "tv-normal", "l0", "taubin")
+COUNTED_SIZE = 100, 50
+"""Steps of the torus: 10,000 faces."""
+TOLERANCE = {"rows a face": 0.001, "bytes a face": 0.01, "memory, bytes a face": 0.05}
+"""By how much a count may grow; memory depends a little on the version of Python."""
+
 Stack = tuple[str, ...]
+Counts = dict[str, float]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure each method."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure or count; return 1 if a count has grown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--method", action="append", help="may be given several times")
-    parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="of py-spy")
-    results.add_option(parser, "kernels")
+    commands = parser.add_subparsers(dest="command", required=True)
+    times = commands.add_parser("times", help="of each kernel")
+    times.add_argument("--method", action="append", help="may be given several times")
+    times.add_argument("--environment", type=Path, default=Path("build/peers"), help="of py-spy")
+    results.add_option(times, "kernels")
+    counts = commands.add_parser("counts", help="of passes, bytes and memory")
+    counts.add_argument("--record", metavar="REASON", help="why the counts are as they are now")
     options = parser.parse_args(arguments)
+    if options.command == "counts":
+        return tracked(options.record)
     methods = options.method or METHODS
     best = {"memory": copy_speed(), "products": product_speed()}
     mesh = wavy_torus(*MILLION)
@@ -67,6 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             stacks = sampled(PROGRAM.format(method=name), "denoise", options.environment)
             (results.ROOT / "benchmarks" / picture(name)).write_text(drawn(stacks), encoding="utf-8")
     results.report(options.record, figures, table)
+    return 0
 
 
 def account(mesh: Mesh, method: str) -> dict[str, Any]:
@@ -238,5 +261,45 @@ def drawn(stacks: Counter[Stack]) -> str:
     return "\n".join([*lines, "</svg>", ""])
 
 
+def tracked(reason: str | None) -> int:
+    """Count, compare, and record if there is a reason; return 1 if a count has grown."""
+    mesh = wavy_torus(*COUNTED_SIZE)
+    found = {method: counted(mesh, method) for method in COUNTED}
+    history = json.loads(HISTORY.read_text(encoding="utf-8")) if HISTORY.exists() else []
+    messages = grown(history[-1]["counts"], found) if history else []
+    print(*messages or ["no count has grown"], sep="\n")
+    if reason:
+        history.append({"reason": reason, "counts": found})
+        HISTORY.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
+        return 0
+    return 1 if messages else 0
+
+
+def counted(mesh: Mesh, method: str) -> Counts:
+    """Denoise a mesh on one thread and return the counts."""
+    faces = len(mesh.faces)
+    denoise(mesh, method=method, threads=1)  # whatever is compiled or loaded once
+    with watched() as uses:
+        tracemalloc.start()
+        denoise(Mesh(mesh.vertices, mesh.faces), method=method, threads=1)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    return {
+        "rows a face": round(sum(use.rows for use in uses.values()) / faces, 3),
+        "bytes a face": round(sum(use.bytes for use in uses.values()) / faces),
+        "memory, bytes a face": round(peak / faces),
+    }
+
+
+def grown(before: dict[str, Counts], now: dict[str, Counts]) -> list[str]:
+    """Say which counts have grown by more than their tolerance."""
+    return [
+        f"{method}: {name} {before[method][name]:,} -> {count:,}"
+        for method, counts in now.items()
+        for name, count in counts.items()
+        if method in before and count > before[method][name] * (1 + TOLERANCE[name])
+    ]
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

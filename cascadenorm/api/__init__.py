@@ -1,1 +1,1 @@
-"""The public functions that denoise, compare and repair meshes, files and regions."""
+"""The public functions that denoise, compare, inspect and repair meshes, files and regions, and train models."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from os import PathLike, fspath
 from pathlib import Path
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
 
 from numpy.typing import ArrayLike, NDArray
 
-import cascadenorm.baselines
-import cascadenorm.learned.methods  # noqa: F401 - both register their methods
+import cascadenorm.baselines  # noqa: F401 - registers its methods, as the learned ones do
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
@@ -28,7 +27,9 @@ from cascadenorm.execution.memory import (
     parse_bytes,
 )
 from cascadenorm.geometry.metrics import Measures, measure
+from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Vectors, limit_threads
 from cascadenorm.patches.planning import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.registry import Method, find, registered
@@ -198,11 +199,8 @@ def denoise_file_with_meshes(
 ) -> Denoised:
     """Denoise a mesh file as `denoise_file` does, and return the meshes as well.
 
-    Parameters
-    ----------
-    on_short
-        Called with the reason before the method switches to patches because the whole mesh needs more memory than is
-        free and no `memory` was given. None skips the check of free memory.
+    Without `memory`, the method switches to patches if the whole mesh needs more memory than is free, after `on_short`
+    was called with the reason. Without `on_short`, free memory is not checked.
     """
     every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)
@@ -240,6 +238,13 @@ def _memory_for_patches(
 def methods() -> dict[str, Method]:
     """Return all methods by name, with their sources, parameters, units, ranges and defaults."""
     return registered()
+
+
+def weights_digest(method: str, parameters: Mapping[str, Any]) -> str | None:
+    """Return the SHA-256 of the weights that a method uses with some parameters; None for a method without weights."""
+    if "model" not in find(method).settings:
+        return None
+    return file_digest(weights_file(method, parameters.get("model")))
 
 
 def compare(mesh: Any, reference: Any) -> Measures:

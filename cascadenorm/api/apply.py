@@ -60,36 +60,19 @@ def run_with_controls(
     steps: list[Vectors] | None = None,
     removed: list[Vectors] | None = None,
 ) -> NDArray[Any]:
-    """Apply a method to a mesh under controls.
+    """Apply a method to a mesh under checked controls and return a copy of its vertices, (n, 3).
 
     The method receives the mesh centered at the origin, scaled by a power of two to about unit size, consistently
     oriented, without degenerate or repeated faces, and in a cache-friendly order. The displacement is added to the
     original coordinates. Coordinates far from the origin therefore lose no precision, and vertices that do not move, or
     that no face references, keep their exact bits.
 
-    Parameters
-    ----------
-    controls
-        All controls, as returned by `checked_controls`.
-    dtype
-        Floating type of the result.
-    steps
-        Results of earlier applications of the method, which are reused; new results are appended. All calls that share
-        this list must have the same arguments, except for strengths of the same `step_key`.
-    removed
-        If empty, receives the (n, 3) displacements by the first application of the method, before strength, limits and
-        all other controls except `remove_detail`.
+    `steps` holds results of earlier applications of the method, which are reused; new ones are appended. Calls that
+    share this list must have the same arguments, except for strengths of the same `step_key`. An empty `removed`
+    receives the (n, 3) displacements by the first application, before all controls except `remove_detail`.
 
-    Returns
-    -------
-    (n, 3) new vertices, as a copy
-
-    Raises
-    ------
-    ParameterError
-        A parameter, mask or limit is out of range or does not fit the mesh.
-    DenoiseError
-        The method returned vertices that are not finite.
+    Raises ParameterError for a value that is out of range or does not fit the mesh, and DenoiseError if the method
+    returned vertices that are not finite.
     """
     checked = _checked_parameters(method, parameters)
     controls = {**controls, "strength": min(controls["strength"], MAX_STRENGTH)}
@@ -172,24 +155,14 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
 
 
 class Settings(NamedTuple):
-    """A method with its parameters and controls, with lengths in units of the frame.
-
-    Parameters
-    ----------
-    keep_detail
-        Width of the smallest feature to keep.
-    remove_detail
-        Width of the errors that the method removes. None lets the method decide.
-    removals
-        Detail to remove from the result of the method, in this order.
-    """
+    """A method with its parameters and controls, with lengths in units of the frame."""
 
     method: Method
     parameters: Mapping[str, Any]
     controls: Controls
-    keep_detail: float
-    remove_detail: float | None
-    removals: list[DetailRemoval]
+    keep_detail: float  # width of the smallest feature to keep
+    remove_detail: float | None  # width of the errors that the method removes; None lets the method decide
+    removals: list[DetailRemoval]  # detail to remove from the result of the method, in this order
 
     @classmethod
     def of(
@@ -217,20 +190,10 @@ class Settings(NamedTuple):
 
 
 def _step(settings: Settings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note) -> Step:
-    """Return the step that applies the method together with creases, boundary and detail.
+    """Return the step that applies the method together with creases, boundary and detail to meshes with these faces.
 
-    If regions share walls, the step runs on the shell of each region and then joins the walls from their two sides.
-
-    Parameters
-    ----------
-    mesh
-        Mesh in its frame. Every mesh passed to the step has the same faces.
-    order
-        Numbering of its vertices.
-    parts
-        Shells of its regions if they share walls, else None.
-    note
-        Called after the method with a function that returns its vertices, before the other controls.
+    If regions share walls, the step runs on the shells of the regions, `parts`, and then joins the walls from their two
+    sides. `note` is called after the method, before the other controls.
     """
     creases = cast("float | ArrayLike | None", settings.controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -260,14 +223,7 @@ def _surface_step(
 ) -> Step:
     """Return the step for a mesh without shared walls.
 
-    Parameters
-    ----------
-    numbers
-        (n,) vertex indices in the input, for messages.
-    creases
-        (e,) bool, whether each edge of the mesh is a crease.
-    note
-        As in `_step`.
+    `numbers`, (n,), are vertex indices in the input for messages; `creases`, (e,), mark the edges that are creases.
     """
     # Cut the mesh along creases: the method and later stages see copies of the vertices there
     sides = None if creases is None else cut_along(mesh, creases)

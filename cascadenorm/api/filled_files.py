@@ -14,26 +14,14 @@ from cascadenorm.io.interop import mesh_of_file, source_name
 
 @dataclass(frozen=True, kw_only=True)
 class Filling:
-    """Summary of the holes filled in a file.
+    """Summary of the holes filled in a file."""
 
-    Parameters
-    ----------
-    faces, added
-        Number of triangles before filling, and number added.
-    closed
-        Number of holes that were closed.
-    outer, long
-        Edge counts of the boundaries left open: those of open components, and those longer than `max_edges`.
-    left_out
-        Content of the source that the output lacks, in words.
-    """
-
-    faces: int
-    added: int
-    closed: int
-    outer: tuple[int, ...]
-    long: tuple[int, ...]
-    left_out: tuple[str, ...]
+    faces: int  # number of triangles before filling
+    added: int  # number of triangles that were added
+    closed: int  # number of holes that were closed
+    outer: tuple[int, ...]  # edge counts of the boundaries of open components, which were left open
+    long: tuple[int, ...]  # edge counts of the boundaries longer than `max_edges`, which were left open
+    left_out: tuple[str, ...]  # content of the source that the output lacks, in words
 
 
 def fill_holes_file(
@@ -48,12 +36,7 @@ def fill_holes_file(
     """Fill the holes of a mesh file as `fill_holes` does; existing content stays, and patches get matching values.
 
     PLY, OBJ and glTF files keep all their content. Files of other formats keep what a conversion to another format
-    keeps.
-
-    Raises
-    ------
-    ReadError, MeshError, ParameterError, OutputError
-        In these cases, nothing is written.
+    keeps. If an error is raised, nothing is written.
     """
     check_output(output, force=force)
     check_extension(source, output)

@@ -125,37 +125,19 @@ class Whole:
 
 @dataclass(frozen=True, eq=False)
 class Halo:
-    """The vertices of a patch that only provide context and do not move.
+    """The vertices of a patch that only provide context and do not move."""
 
-    Parameters
-    ----------
-    vertices
-        (k,) bool.
-    whole
-        Properties of the whole mesh, with the rows of this patch.
-    """
-
-    vertices: NDArray[np.bool_]
-    whole: Whole
+    vertices: NDArray[np.bool_]  # (k,) which vertices of the patch
+    whole: Whole  # properties of the whole mesh, with the rows of this patch
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A part of a mesh.
+    """A part of a mesh."""
 
-    Parameters
-    ----------
-    vertices
-        (k,) vertex indices in the whole mesh, ascending.
-    faces
-        (j, 3) indices into `vertices`.
-    halo
-        Halo to pass to `denoise`.
-    """
-
-    vertices: NDArray[np.int64]
-    faces: NDArray[np.int32]
-    halo: Halo
+    vertices: NDArray[np.int64]  # (k,) vertex indices in the whole mesh, ascending
+    faces: NDArray[np.int32]  # (j, 3) indices into `vertices`
+    halo: Halo  # to pass to `denoise`
 
     @property
     def inside(self) -> NDArray[np.int64]:
@@ -164,13 +146,7 @@ class Patch:
 
 
 def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, controls: Controls) -> Halo:
-    """Return the halo of a patch.
-
-    Raises
-    ------
-    ParameterError
-        A method or control depends on the whole mesh, or the halo is too narrow or belongs to another mesh.
-    """
+    """Return the halo of a patch; raise ParameterError if it does not suffice, or belongs to another mesh."""
     halo = controls["halo"]
     if not isinstance(halo, Halo):
         raise ParameterError(f"is a {type(halo).__name__}; it must be the halo of a patch", parameter="halo")

@@ -13,35 +13,18 @@ from cascadenorm.mesh.polygons import Polygons
 
 
 class Dropped(NamedTuple):
-    """A mesh file after its small components were removed.
+    """A mesh file after its small components were removed, and the numbers of dropped components and polygons."""
 
-    Parameters
-    ----------
-    file
-        The given file if nothing was dropped, else a PLY or OBJ file in memory.
-    components, faces
-        Numbers of dropped components and polygons.
-    left_out
-        Other content that the file in memory lacks, in words.
-    """
-
-    file: io.MeshFile
+    file: io.MeshFile  # the given file if nothing was dropped, else a PLY or OBJ file in memory
     components: int
     faces: int
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...]  # other content that the file in memory lacks, in words
 
 
 def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> Dropped:
-    """Drop the components of a file that have fewer faces than a limit, together with their vertices.
+    """Drop the components of a file that have fewer faces than a limit of `component_limit`, with their vertices.
 
-    Parameters
-    ----------
-    file
-        File as read, or with its bad vertices and faces isolated, which are kept.
-    limit
-        Number of faces, or share of the largest component, in the form that `component_limit` accepts.
-    name
-        Name of the file in messages.
+    Bad vertices and faces that were isolated are kept. Messages contain the name.
     """
     small, first = small_components(mesh_of_file(file, name), limit)
     if not len(first):

@@ -25,7 +25,7 @@ from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.io.urls import is_url
-from cascadenorm.learned.methods import Treated, treated
+from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
 from cascadenorm.mesh import (
     Mesh,
     Vectors,
@@ -91,7 +91,7 @@ class DenoisingSummary:
     largest_displacement: float
     seconds: float
     error: ErrorKind | None
-    treated_as: Treated | None
+    treated_as: MeshTreatment | None
     left_out: tuple[str, ...]
     nearly_coincident: int = 0
     dropped_components: int = 0
@@ -107,27 +107,15 @@ class Denoised(NamedTuple):
 
 
 class Opened(NamedTuple):
-    """A file that was read, and the target it will be written to.
-
-    Parameters
-    ----------
-    format
-        Format of the output.
-    mesh
-        Mesh with n vertices.
-    controls
-        Controls over the mesh; names that refer to the file are resolved.
-    dropped
-        Result of dropping small components; None if that was not requested.
-    """
+    """A file that was read, and the target it will be written to."""
 
     source: str | PathLike[str] | BinaryIO
     output: str | PathLike[str] | BinaryIO
-    format: str
+    format: str  # of the output
     file: io.MeshFile
     mesh: Mesh
-    controls: Controls
-    dropped: Dropped | None = None
+    controls: Controls  # over the mesh; names that refer to the file are resolved
+    dropped: Dropped | None = None  # None if small components were not to be dropped
 
 
 def opened_file(
@@ -140,10 +128,7 @@ def opened_file(
     force: bool,
     weld: float | str | None = None,
 ) -> Opened:
-    """Read a file to be denoised, after all checks that do not need its content.
-
-    Boundary vertices within the distance `weld` of each other are joined.
-    """
+    """Read a file to be denoised, after all checks that do not need its content, and join vertices within `weld`."""
     _check_single(source)
     apart, in_edges = parsed_length("weld", weld) if weld is not None else (0.0, False)
     if drop_components is not None:
@@ -198,12 +183,7 @@ def written_file(
 ) -> Denoised:
     """Write a file with new vertices of its mesh, (n, 3), and return the summary.
 
-    Parameters
-    ----------
-    controls
-        As given.
-    removed
-        As `run_with_controls` returns it.
+    The controls are those that the caller gave, and `removed` is what `run_with_controls` returned in that list.
     """
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
@@ -244,15 +224,9 @@ def written_file(
 def detected_error(
     method: Method, small: Mesh, exponent: int, removed: Sequence[Vectors], parameters: dict[str, Any]
 ) -> dict[str, Any]:
-    """Classify the error of a mesh as `inspect` does, and return it with the kind of surface that `auto` chose.
+    """Classify the error of a mesh in its frame as `inspect` does, and return the kind of surface that `auto` chose.
 
-    Parameters
-    ----------
-    small, exponent
-        Mesh in its frame.
-    removed
-        The (n, 3) displacements by the method alone, as `run_with_controls` returns them: strength and limits change
-        the result, but not the error of the mesh. Empty if the method did not run.
+    The displacements by the method alone, `removed`, decide, because strength and limits do not change the error.
     """
     if method.name != "auto" or not removed:
         return {"error": None, "treated_as": None}
@@ -260,7 +234,7 @@ def detected_error(
     denoised = order.mesh.vertices + np.ldexp(removed[0][order.numbers], -exponent)
     return {
         "error": error_kind(order.mesh, denoised, exponent=exponent),
-        "treated_as": treated(order.mesh, **method.with_defaults(parameters)),
+        "treated_as": mesh_treatment(order.mesh, **method.with_defaults(parameters)),
     }
 
 

@@ -16,27 +16,13 @@ from cascadenorm.mesh.welding import weld
 
 
 class SeamlessMesh(NamedTuple):
-    """A mesh as given, together with a version in which copies of vertices at seams are joined.
-
-    Parameters
-    ----------
-    given
-        The object that the caller passed.
-    vertices
-        (k, 3) vertices of `given`.
-    welds
-        (k,) index of each vertex in `mesh`.
-    mesh
-        Joined mesh with n vertices.
-    kept
-        (m,) whether each face of `given` is in `mesh`; None if all are, or if `given` is a file.
-    """
+    """A mesh as the caller passed it, together with a version in which copies of vertices at seams are joined."""
 
     given: Any
-    vertices: NDArray[Any]
-    welds: NDArray[np.int32]
+    vertices: NDArray[Any]  # (k, 3) vertices of `given`
+    welds: NDArray[np.int32]  # (k,) index of each vertex in `mesh`
     mesh: Mesh
-    kept: Bools | None = None
+    kept: Bools | None = None  # (m,) whether each face of `given` is in `mesh`; None if all are, or for a file
 
     @classmethod
     def of(cls, given: Any, *, isolate: bool = False) -> "SeamlessMesh":

@@ -25,21 +25,11 @@ MAX_LISTED_NAMES = 20  # listed in a message
 def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
     """Return the controls with names replaced by arrays over the mesh of a file.
 
-    Names and indices, in text or in other files, refer to the vertices of the mesh file, from 0. If the file splits a
-    vertex, the smallest weight of its copies applies, and the vertex is fixed if one of its copies is.
-
-    Parameters
-    ----------
-    controls
-        Mask, fixed, only and creases as `Controls` declares them for files. Arrays have one entry per vertex of the
-        file or of its mesh; `only` has one per triangle of the file, including triangles that its mesh leaves out.
-    file
-        Mesh file; its attributes are named like PLY properties.
-
-    Raises
-    ------
-    ParameterError
-        A name is not in the file, a file cannot be read, or an index is out of range.
+    Names and indices, in text or in other files, refer to the vertices of the mesh file, from 0; attributes are named
+    like PLY properties. Arrays have one entry per vertex of the file or of its mesh; `only` has one per triangle of the
+    file, including those that its mesh leaves out. If the file splits a vertex, the smallest weight of its copies
+    applies, and the vertex is fixed if one of its copies is. Raises ParameterError if a name is not in the file, a file
+    cannot be read, or an index is out of range.
     """
     mask, fixed, creases = (_as_text(controls[name]) for name in ("mask", "fixed", "creases"))
     found = controls.copy()
@@ -55,14 +45,9 @@ def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
 
 
 def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:
-    """Return controls over split vertices as controls over the welded ones.
+    """Return controls over split vertices as controls over the welded ones, given by their indices `welds`, (k,).
 
-    Parameters
-    ----------
-    controls
-        Controls as arrays. The smallest weight of the copies applies, and a vertex is fixed if one of its copies is.
-    welds
-        (k,) index of the welded vertex for each split vertex.
+    The smallest weight of the copies applies, and a vertex is fixed if one of its copies is.
     """
 
     def renumbered(indices: ArrayLike) -> NDArray[Any]:
@@ -84,17 +69,8 @@ def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:
 def labelled_faces(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
     """Return (m,) bool, the triangles of the mesh of a file that carry one of the labels.
 
-    Parameters
-    ----------
-    names
-        Each a name, such as that of a material, or kind=name, such as material=steel or, for numbers, segment=3.
-    file
-        Mesh file; `MeshFile.face_labels` lists its kinds of labels.
-
-    Raises
-    ------
-    ParameterError
-        No face carries a label with that name.
+    A label is a name, such as that of a material, or kind=name, such as material=steel or, for numbers, segment=3.
+    Raises ParameterError for a label that no face carries.
     """
     labels = file.face_labels()
     chosen = np.zeros(len(file.polygons), bool)
@@ -219,7 +195,8 @@ def _read_table(name: str, path: str, columns: int) -> NDArray[Any]:
         if path.endswith(".npy"):
             table = np.asarray(np.load(path, allow_pickle=False))
         else:
-            lines = (re.split(r"[\s,;]+", line.partition("#")[0].strip()) for line in _lines(path))
+            text = Path(path).read_text(encoding="utf-8-sig")
+            lines = (re.split(r"[\s,;]+", line.partition("#")[0].strip()) for line in text.splitlines())
             table = np.array([line for line in lines if line != [""]], np.float64)
     except FileNotFoundError:
         raise ParameterError(f"is {path!r}, a file that does not exist", parameter=name) from None
@@ -231,10 +208,6 @@ def _read_table(name: str, path: str, columns: int) -> NDArray[Any]:
             f"is {path!r}, which has shape {table.shape}; it must have {columns} numbers in each row", parameter=name
         )
     return rows.reshape(-1, columns)
-
-
-def _lines(path: str) -> list[str]:
-    return Path(path).read_text(encoding="utf-8-sig").splitlines()
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TextIO
 
+from cascadenorm.api.inspection.inspection import surface_faults
 from cascadenorm.cli.errors import worded
 from cascadenorm.cli.tables import allowed_values
-from cascadenorm.inspection.faults import FAULTS, surface_faults
 from cascadenorm.io.json_text import json_text
 
 if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need
@@ -29,7 +29,7 @@ def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None 
 def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:
     """Return the numbers of intersecting faces and of spikes before and after denoising."""
     first, last = surface_faults(before), surface_faults(after)
-    return {name: {"before": getattr(first, name), "after": getattr(last, name)} for name in FAULTS}
+    return {name: {"before": first[name], "after": last[name]} for name in first}
 
 
 def batch_json(done: "Batch") -> dict[str, Any]:

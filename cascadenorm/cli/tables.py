@@ -16,12 +16,12 @@ if TYPE_CHECKING:  # imported for type checking only, because each command would
     from rich.table import Table
 
     from cascadenorm.api.filled_files import Filling
+    from cascadenorm.api.inspection import Inspection
     from cascadenorm.api.opened_files import DenoisingSummary
     from cascadenorm.api.spectra import Spectrum
     from cascadenorm.batch.batch import Batch
     from cascadenorm.evaluation.harness import Evaluation
     from cascadenorm.geometry.metrics import Measures
-    from cascadenorm.inspection import Inspection
     from cascadenorm.learned.training.training_log import Pass
     from cascadenorm.registry import Method, Setting
 
@@ -106,7 +106,7 @@ def print_left_out(losses: Sequence[str]) -> None:
 
 def print_inspection(found: "Inspection") -> None:
     """Print the properties of a mesh, and one line per finding."""
-    from cascadenorm.inspection import FINDINGS
+    from cascadenorm.api.inspection import FINDINGS
 
     loops = f"{counted(found.boundary_loops, 'boundary loop')} with {counted(found.boundary_edges, 'edge')}"
     kind = "closed" if found.closed else f"open: {loops}"

@@ -44,14 +44,14 @@ class Gate:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-class Judged(NamedTuple):
+class ComponentKinds(NamedTuple):
     """The classification of the components of `Topology.components` by a gate."""
 
     measured: Bools  # (c,) whether each component is treated as a measured surface
     probabilities: Floats  # (c,) probability that it is one; NaN for vertices without a face
 
 
-def judged(gate: Gate, mesh: Mesh) -> Judged:
+def component_kinds(gate: Gate, mesh: Mesh) -> ComponentKinds:
     """Classify each connected component of a mesh; small components (see SMALL_SHARE) are classified together.
 
     Closed components with few distinct triangle shapes also count as measured surfaces if they have the steps of a
@@ -71,7 +71,7 @@ def judged(gate: Gate, mesh: Mesh) -> Judged:
             probability = 1.0
         probabilities[group[faces[0]]] = probability
     each = np.where(small & (counts > 0), probabilities[-1], probabilities[:-1])
-    return Judged(each >= THRESHOLD, each)
+    return ComponentKinds(each >= THRESHOLD, each)
 
 
 def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cascadenorm.api.api import weights_digest
 from cascadenorm.io.atomic import make_folder, write_atomically
 from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.io.pairs import FilePair
-from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
 from cascadenorm.version import __version__
@@ -32,15 +32,12 @@ class Records(NamedTuple):
 
         For methods from outside this package, the digest includes their source.
         """
-        weights = None
-        if settings is not None and "model" in find(name).settings:
-            weights = file_digest(weights_file(name, settings.get("model")))
         parts = [
             __version__,
             file_digest(pair.noisy),
             file_digest(pair.clean),
             {key: str(value) for key, value in (settings or {}).items() if key != "threads"},
-            weights,
+            None if settings is None else weights_digest(name, settings),
             "" if settings is None else source_digest(find(name).function),
             list(command),
             file and file_digest(file),

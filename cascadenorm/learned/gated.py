@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cascadenorm.detection.gate import Gate, Judged, Treatment, judged
+from cascadenorm.detection.gate import ComponentKinds, Gate, Treatment, component_kinds
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
@@ -48,13 +48,13 @@ class GatedCascades:
         """Both networks by name."""
         return {"vertex": self.vertex, "surface": self.surface}
 
-    def judged(self, mesh: Mesh, treat_as: Treatment | None = None) -> Judged:
+    def component_kinds(self, mesh: Mesh, treat_as: Treatment | None = None) -> ComponentKinds:
         """Judge each component of a mesh, or treat all of them alike."""
         if treat_as is None:
-            return judged(self.gate, mesh)
+            return component_kinds(self.gate, mesh)
         probability = float(treat_as != "vertex-noise")
         count = int(mesh.topology.components.max()) + 1
-        return Judged(np.full(count, probability == 1), np.full(count, probability))
+        return ComponentKinds(np.full(count, probability == 1), np.full(count, probability))
 
     def chosen(self, measured: Bools) -> "ChosenNetworks":
         """Return the networks with the choice for each component, (c,)."""
@@ -62,7 +62,7 @@ class GatedCascades:
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), using the network that the gate chooses for each component."""
-        return self.chosen(self.judged(mesh).measured).vertices(mesh)
+        return self.chosen(self.component_kinds(mesh).measured).vertices(mesh)
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file. Equal models have equal bytes."""

@@ -59,7 +59,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     start = without_voxel_faces(mesh)
     network: Learned | ChosenNetworks = loaded(model, "auto")
     if isinstance(network, GatedCascades):
-        network = network.chosen(network.judged(mesh, treat_as).measured)
+        network = network.chosen(network.component_kinds(mesh, treat_as).measured)
     free_derived(mesh)
     mesh.topology.forget_adjacent_faces()
     vertices = network.vertices(start)
@@ -114,7 +114,7 @@ def loaded(model: Learned | Path | None, name: str) -> Learned:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Treated:
+class MeshTreatment:
     """How `auto` treats a mesh.
 
     Parameters
@@ -143,7 +143,7 @@ class Treated:
         return f"{name} (probability {self.probability:.2f}{share})"
 
 
-def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Treated | None:
+def mesh_treatment(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> MeshTreatment | None:
     """Return how `auto` treats a mesh, or None for a model without a gate.
 
     Parameters
@@ -156,13 +156,13 @@ def treated(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Tre
     network = loaded(model, "auto")
     if not isinstance(network, GatedCascades):
         return None
-    judged = network.judged(mesh, treat_as)
+    kinds = network.component_kinds(mesh, treat_as)
     components = mesh.topology.face_components
-    measured = judged.measured[components]
+    measured = kinds.measured[components]
     mostly = bool(2 * np.count_nonzero(measured) >= len(measured))
-    probabilities = judged.probabilities[components][measured == mostly]
+    probabilities = kinds.probabilities[components][measured == mostly]
     mean = float(probabilities.mean())
-    return Treated(
+    return MeshTreatment(
         treatment=treat_as or ("measured-surface" if mostly else "vertex-noise"),
         probability=mean if mostly else 1 - mean,
         share=float(np.mean(measured == mostly)),

@@ -30,27 +30,13 @@ AROUND = {  # right, up and front components of the direction to the viewer
 
 @dataclass(frozen=True)
 class Camera:
-    """Viewpoint of a picture; several meshes can share a camera, which makes their pictures comparable.
+    """Viewpoint of a picture; several meshes can share a camera, which makes their pictures comparable."""
 
-    Parameters
-    ----------
-    axes
-        (3, 3) unit rows: right, up, and toward the viewer.
-    center
-        (3,) point in the middle of the picture.
-    reach
-        Half of the visible width and height, in mesh units.
-    perspective
-        Reciprocal of the distance of the viewer, in mesh units; 0 is a parallel projection.
-    offset
-        Shift of the middle of the picture to the right and up, relative to the center on the screen.
-    """
-
-    axes: NDArray[np.float64]
-    center: NDArray[np.float64]
-    reach: tuple[float, float]
-    perspective: float
-    offset: tuple[float, float] = (0.0, 0.0)
+    axes: NDArray[np.float64]  # (3, 3) unit rows: right, up, and toward the viewer
+    center: NDArray[np.float64]  # (3,) point in the middle of the picture
+    reach: tuple[float, float]  # half of the visible width and height, in mesh units
+    perspective: float  # reciprocal of the distance of the viewer, in mesh units; 0 is a parallel projection
+    offset: tuple[float, float] = (0.0, 0.0)  # shift of the middle of the picture to the right and up
 
     @classmethod
     def looking_at(
@@ -58,17 +44,9 @@ class Camera:
     ) -> "Camera":
         """Place a camera that shows the whole mesh, except small far parts that would shrink the rest to a dot.
 
-        Parameters
-        ----------
-        mesh
-            Mesh to show.
-        direction
-            From the mesh toward the viewer. None selects the front of an open surface, and otherwise a three-quarter
-            view.
-        perspective
-            Half the diagonal of the bounding box divided by the distance of the viewer; 0 is a parallel projection.
-        up
-            Mesh axis that points up in the picture; if it is the direction of view, the next axis is used.
+        The direction is from the mesh toward the viewer; None selects the front of an open surface, and otherwise a
+        three-quarter view. `perspective` is half the diagonal of the bounding box divided by the distance of the
+        viewer. `up` points up in the picture; if it is the direction of view, the next axis is used.
         """
         if not 0 <= perspective < 1:
             raise ValueError(f"perspective is {perspective}; it must be at least 0 and below 1")

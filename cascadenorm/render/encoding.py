@@ -1,11 +1,23 @@
-"""Encode images as PNG and WebP with Pillow."""
+"""Encode images as PNG and WebP with Pillow, and as MP4 with the user's ffmpeg, since no encoder is shipped."""
 
 import io
+import shutil
+import subprocess
 from collections.abc import Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
+from typing import IO
 
 import PIL.Image
 
+from cascadenorm.errors import OutputError
 from cascadenorm.render.color import Image
+
+MP4_SETTINGS = (
+    *("-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"),  # even sides, for all players
+    *("-q:v", "2"),  # for encoders other than x264, which has a good default
+    *("-threads", "1", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-movflags", "+faststart"),
+)
 
 
 def png(image: Image, *, dpi: int | None = None) -> bytes:
@@ -29,3 +41,51 @@ def animated_webp(images: Iterable[Image], *, milliseconds: int) -> bytes:
     file = io.BytesIO()
     first.save(file, "WEBP", save_all=True, append_images=others, duration=milliseconds, loop=0, quality=80)
     return file.getvalue()
+
+
+def require_ffmpeg() -> str:
+    """Return the path of ffmpeg. Raises OutputError if it is not on the PATH."""
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise OutputError(
+            "an MP4 file needs the program ffmpeg, which is not on the PATH",
+            hint="install it (https://ffmpeg.org), or give a name that ends in .webp",
+        )
+    return found
+
+
+def mp4(images: Iterable[Image], *, milliseconds: int) -> bytes:
+    """Encode images, (height, width, 3) uint8 of equal size, as an MP4 video that shows each for a time.
+
+    Raises OutputError if ffmpeg is not installed or fails.
+    """
+    program = require_ffmpeg()
+    with TemporaryDirectory() as folder, TemporaryFile() as said:
+        file = Path(folder, "turntable.mp4")  # not a pipe, because the index is moved to the front at the end
+        code = _piped([program, "-loglevel", "error"], images, ["-r", f"1000/{milliseconds}"], file, said)
+        if code:
+            said.seek(0)
+            last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
+            raise OutputError(f"{program} ended with {code}: {last or 'it says nothing'}")
+        return file.read_bytes()
+
+
+def _piped(program: list[str], images: Iterable[Image], rate: list[str], file: Path, said: IO[bytes]) -> int:
+    """Pipe images to the program and return its exit code."""
+    frames = iter(images)
+    first = next(frames)
+    height, width = first.shape[:2]
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", *rate, "-i", "-"]
+    with subprocess.Popen([*program, *source, *MP4_SETTINGS, str(file)], stdin=subprocess.PIPE, stderr=said) as running:
+        assert running.stdin is not None
+        try:
+            with running.stdin as pipe:
+                pipe.write(first.tobytes())
+                for image in frames:
+                    pipe.write(image.tobytes())
+        except BrokenPipeError:
+            pass  # the program has ended, and its exit code is more informative
+        except BaseException:
+            running.kill()
+            raise
+    return running.wait()

@@ -11,9 +11,8 @@ from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import MeshError
 from cascadenorm.render import pixels, png, webp
-from cascadenorm.render.encoding import animated_webp
+from cascadenorm.render.encoding import animated_webp, mp4, require_ffmpeg
 from cascadenorm.render.figure import pdf, svg
-from cascadenorm.render.mp4 import mp4, require_ffmpeg
 from cascadenorm.render.scenes import Style, check_style, figure, one_view, scene, turntable_views
 from cascadenorm.render.style import DPI
 
@@ -35,7 +34,8 @@ def draw(
 ) -> None:
     """Draw meshes side by side, each above its caption.
 
-    The camera is chosen for the last mesh. Meshes that it does not show get their own camera.
+    The camera is chosen for the last mesh. Meshes that it does not show get their own camera. A UserWarning names the
+    characters of captions that no installed font has.
 
     Parameters
     ----------
@@ -60,11 +60,6 @@ def draw(
         Values are unknown or need another mesh, or a part lies outside the picture.
     OutputError
         The file exists and `force` is False, it cannot be written, or ffmpeg is missing for an MP4 file.
-
-    Warns
-    -----
-    UserWarning
-        A caption contains a character that no installed font has.
     """
     output, style = Path(output), style or Style()
     encode = _encoder(output, turntable=turntable)

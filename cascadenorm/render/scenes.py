@@ -25,41 +25,17 @@ FRAMES = 72
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """Settings of a picture of meshes.
+    """Settings of a picture of meshes; `smooth`, `wireframe` and `transparent` are those of `render`."""
 
-    Parameters
-    ----------
-    size
-        Width and height of each picture in pixels.
-    direction
-        From the meshes toward the viewer, as in `Camera.looking_at`.
-    up
-        Mesh axis that points up in the picture.
-    target
-        (3,) point in the middle of the picture. None uses the center of the mesh.
-    distance
-        Distance of the viewer from the target, in the unit of the files. None shows the whole mesh.
-    values
-        One of QUANTITIES, to be shown as colours.
-    reference
-        Mesh that the values refer to. None uses the first mesh, which is then drawn without colours.
-    limits
-        Values at the ends of the colour scale. None derives them from all meshes.
-    crops
-        Parts to enlarge below each picture.
-    smooth, wireframe, transparent
-        As in `render`.
-    """
-
-    size: int = 600
-    direction: ArrayLike | None = None
-    up: Up = "y"
-    target: ArrayLike | None = None
-    distance: float | None = None
-    values: str | None = None
-    reference: Any = None
-    limits: tuple[float, float] | None = None
-    crops: Sequence[tuple[float, float, float]] = ()
+    size: int = 600  # width and height of each picture in pixels
+    direction: ArrayLike | None = None  # from the meshes toward the viewer, as in `Camera.looking_at`
+    up: Up = "y"  # mesh axis that points up in the picture
+    target: ArrayLike | None = None  # (3,) point in the middle of the picture; None uses the center of the mesh
+    distance: float | None = None  # of the viewer from the target, in the unit of the files; None shows the whole mesh
+    values: str | None = None  # one of QUANTITIES, to be shown as colours
+    reference: Any = None  # mesh that the values refer to; None uses the first mesh and draws it without colours
+    limits: tuple[float, float] | None = None  # values at the ends of the colour scale; None derives them
+    crops: Sequence[tuple[float, float, float]] = ()  # parts to enlarge below each picture
     smooth: bool = False
     wireframe: bool = False
     transparent: bool = False

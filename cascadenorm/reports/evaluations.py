@@ -26,9 +26,8 @@ from cascadenorm.render import Camera, inline_svg, montage
 from cascadenorm.render.camera import MARGIN, projected
 from cascadenorm.render.scenes import Style, color_bar, one_view, panels, scene
 from cascadenorm.reports.given import given
-from cascadenorm.reports.overview import overview
 from cascadenorm.reports.page import Tile, image, page, table
-from cascadenorm.reports.plots import box_plot
+from cascadenorm.reports.plots import bar_chart, box_plot
 from cascadenorm.reports.scene import scene as viewer_scene
 
 WIDTH = 1640
@@ -80,7 +79,7 @@ def report_evaluation(
         (f"{one.method} *" if one.method in done.partial else one.method, one.measures.normal_error_deg)
         for one in done.means
     ]
-    sections.append((OVERVIEW, overview(means, unit="°")))
+    sections.append((OVERVIEW, bar_chart(means, unit="°")))
     of_pairs, *others = tables.all_tables(done)
     sections.append((f"Mean angle {of_pairs.title}", f"<p>{SYMBOLS}</p>{_table(of_pairs)}"))
     sections += [(one.title, _table(one)) for one in others]

@@ -7,14 +7,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cascadenorm.api.api import weights_digest
+from cascadenorm.api.inspection import Inspection
+from cascadenorm.api.inspection.source import Found
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures
-from cascadenorm.inspection import Inspection
-from cascadenorm.inspection.source import Found
-from cascadenorm.io.digests import file_digest
-from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find
 from cascadenorm.reports.given import Given
 from cascadenorm.version import __version__
@@ -114,9 +113,8 @@ def version_rows(done: DenoisingSummary | None) -> Rows:
     rows += [(name, version(name)) for name in LIBRARIES]
     if done is not None:
         rows.append(("seed", "none; no random numbers are used, and the number of threads has no effect"))
-        if "model" in find(done.method).settings:
-            weights = weights_file(done.method, done.parameters.get("model"))
-            rows.append((f"weights of {done.method}", f"SHA-256 {file_digest(weights)}"))
+        if weights := weights_digest(done.method, done.parameters):
+            rows.append((f"weights of {done.method}", f"SHA-256 {weights}"))
     return rows
 
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cascadenorm.api.inspection import Inspection
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures, angles_at_faces
-from cascadenorm.inspection import Inspection
 from cascadenorm.mesh import scaled_alike
 from cascadenorm.reports.facts import count_of
 from cascadenorm.reports.given import Given

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.inspection import Inspection
+from cascadenorm.api.inspection import Inspection
 from cascadenorm.reports.given import Given
 
 AT_FACES = {

@@ -1,6 +1,7 @@
-"""Plots of an evaluation as SVG elements, in the colours of the page."""
+"""Plots of an evaluation as HTML and SVG elements, in the colours of the page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from html import escape
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,17 @@ WIDTH, ROW, BESIDES = 720, 30, 80
 """Pixels: width of a plot, height of a row, and height of title and axis together."""
 FONT = 13
 """Size of the text in pixels."""
+
+
+def bar_chart(rows: Sequence[tuple[str, float]], *, unit: str) -> str:
+    """Return a bar for each name and value, at least 0, with its unit; the lowest first and in the accent colour."""
+    lowest, largest = (found((value for _, value in rows), default=0.0) for found in (min, max))
+    bars = []
+    for name, value in sorted(rows, key=lambda row: row[1]):
+        kind = ' class="best"' if value == lowest else ""
+        bar = f'<dd><i{kind} style="width: {100 * value / (largest or 1.0):.1f}%"></i></dd>'
+        bars.append(f"<dt>{escape(name)}</dt>{bar}<dd>{value:.2f}{escape(unit)}</dd>")
+    return f'<dl class="bars-of">{"".join(bars)}</dl>'
 
 
 def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:

@@ -8,10 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from cascadenorm.api.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary
 from cascadenorm.errors import OutputError, ParameterError, counted
 from cascadenorm.geometry.metrics import Measures, measure
-from cascadenorm.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.registry import find

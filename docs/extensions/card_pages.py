@@ -6,7 +6,7 @@ from typing import Any
 
 from markdown_table import table
 
-from cascadenorm.models.models import load_model
+from cascadenorm.api.models import load_model
 
 MODELS = ("auto", "cascade")
 

@@ -8,7 +8,7 @@ import pytest
 from shapes import icosphere, noisy
 
 from benchmarks.speed import kernel_use
-from benchmarks.speed import track as script
+from benchmarks.speed import kernels as script
 from cascadenorm import denoise
 from cascadenorm.mesh import Csr
 
@@ -19,7 +19,7 @@ compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="numpy scala
 @pytest.mark.parametrize("method", ["auto", "bilateral-normal", "taubin"])
 def test_no_count_has_grown_since_the_last_record(method):
     recorded = json.loads(script.HISTORY.read_text(encoding="utf-8"))[-1]["counts"]
-    found = {method: script.counted(script.wavy_torus(*script.SIZE), method)}
+    found = {method: script.counted(script.wavy_torus(*script.COUNTED_SIZE), method)}
     assert script.grown(recorded, found) == []
 
 

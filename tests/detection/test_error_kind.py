@@ -9,6 +9,7 @@ from shapes import cube, grid, icosphere, noisy
 from skimage.measure import marching_cubes
 
 import cascadenorm as cn
+from cascadenorm.api.inspection import inspect
 from cascadenorm.cli import run
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.noise.sensor import laser_displacements
@@ -16,7 +17,6 @@ from cascadenorm.data_gen.scanning.volumes import surface_nets
 from cascadenorm.detection.error_kind import correlation_length, error_kind
 from cascadenorm.detection.segmentation_steps import is_segmentation
 from cascadenorm.detection.voxel_lattice import lattice_of_grey_values, lattice_of_mask
-from cascadenorm.inspection import inspect
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 

@@ -7,11 +7,11 @@ from sklearn.ensemble import ExtraTreesClassifier
 
 import cascadenorm as cn
 from cascadenorm.data_gen.scanning.volumes import volume_surface
-from cascadenorm.detection.gate import SMALL_SHARE, Gate, judged
+from cascadenorm.detection.gate import SMALL_SHARE, Gate, component_kinds
 from cascadenorm.detection.triangulation import FIGURES
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.gated import GatedCascades, read_model
-from cascadenorm.learned.methods import shipped, treated
+from cascadenorm.learned.methods import mesh_treatment, shipped
 from cascadenorm.learned.training.gate_training import GateConfig, fitted_gate
 from cascadenorm.mesh import Mesh
 
@@ -46,7 +46,7 @@ def test_trees_as_arrays_say_what_the_forest_says():
 
 
 def test_each_component_is_judged_by_its_own_triangles():
-    both = judged(OPEN, side_by_side(grid(10, 10), icosphere(2)))
+    both = component_kinds(OPEN, side_by_side(grid(10, 10), icosphere(2)))
     assert both.probabilities.tolist() == pytest.approx([0.9, 0.1])
     assert both.measured.tolist() == [True, False]
 
@@ -55,19 +55,19 @@ def test_components_that_are_small_beside_the_mesh_are_judged_together():
     closed, sheets = icosphere(1), [Mesh(np.eye(3), [(0, 1, 2)])] * 2
     mesh = side_by_side(icosphere(4), closed, *sheets)
     assert len(closed.faces) > SMALL_SHARE * len(mesh.faces) > 2
-    assert judged(OPEN, mesh).measured.tolist() == [False, False, True, True]
+    assert component_kinds(OPEN, mesh).measured.tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize("inside", [ball_of_voxels(9.0), np.ones((7, 8, 9), bool)])
 def test_a_closed_surface_of_a_mask_is_measured_whatever_the_trees_say_unless_it_has_no_steps(inside):
     mesh = volume_surface(np.pad(inside, 2).astype(float))
-    assert judged(OPEN, mesh).measured.tolist() == [inside.min() == 0]
+    assert component_kinds(OPEN, mesh).measured.tolist() == [inside.min() == 0]
 
 
 def test_vertices_without_faces_are_not_judged():
     mesh = icosphere(2)
     with_more = Mesh(np.concatenate([mesh.vertices, np.eye(3)]), mesh.faces)
-    assert np.isnan(judged(OPEN, with_more).probabilities[1:]).all()
+    assert np.isnan(component_kinds(OPEN, with_more).probabilities[1:]).all()
 
 
 @pytest.fixture(scope="module")
@@ -102,11 +102,11 @@ def test_what_a_mesh_is_treated_as_can_be_overruled(gated, tmp_path):
     path = tmp_path / "both.safetensors"
     path.write_bytes(gated.to_bytes())
     ball = noisy(icosphere(3), 0.2)
-    assert str(treated(ball, model=path)) == "vertex noise (probability 0.90)"
-    assert str(treated(ball, model=path, treat_as="measured-surface")) == "measured surface (as set)"
+    assert str(mesh_treatment(ball, model=path)) == "vertex noise (probability 0.90)"
+    assert str(mesh_treatment(ball, model=path, treat_as="measured-surface")) == "measured surface (as set)"
     mixed = side_by_side(ball, noisy(grid(8, 8), 0.1))
     share = f"{100 * len(ball.faces) // len(mixed.faces)}%"
-    assert str(treated(mixed, model=path)) == f"vertex noise (probability 0.90, {share} of the faces)"
+    assert str(mesh_treatment(mixed, model=path)) == f"vertex noise (probability 0.90, {share} of the faces)"
     asked = cn.denoise(ball, model=path, treat_as="measured-surface").vertices
     default = cn.denoise(ball, model=path).vertices
     assert not np.allclose(asked, default)

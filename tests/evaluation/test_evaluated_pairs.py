@@ -7,12 +7,12 @@ import pytest
 from evaluated import SHAPES
 
 import cascadenorm as cn
+from cascadenorm.api.training_pairs import write_pairs
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import evaluate
 from cascadenorm.io import OutputError, ReadError
 from cascadenorm.io.pairs import find_pairs
-from cascadenorm.models.training_pairs import write_pairs
 
 
 def test_pairs_are_found_in_a_folder_and_in_the_folders_in_it(folder, tmp_path):

@@ -11,13 +11,13 @@ import pytest
 from batches import LINUX, START, children, results, running, wait_for
 from shapes import icosphere, noisy
 
+from cascadenorm.api.training_pairs import write_pairs
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.evaluation.harness import evaluate
 from cascadenorm.execution import cluster_map
 from cascadenorm.execution.cluster_map import on_cluster
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.models.training_pairs import write_pairs
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
 BALL = icosphere(2)

@@ -8,7 +8,7 @@ import cascadenorm as cn
 from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.data_gen.scanning.isosurfaces import marching_tetrahedra
 from cascadenorm.data_gen.scanning.volumes import volume_surface
-from cascadenorm.learned.methods import treated
+from cascadenorm.learned.methods import mesh_treatment
 from cascadenorm.mesh import Mesh, angles_between, unit
 
 
@@ -25,7 +25,7 @@ def test_a_noisy_field_meshed_by_marching_tetrahedra_is_denoised():
     count, noise = 40, np.random.default_rng(0).normal(scale=0.2, size=(40, 40, 40))
     mesh = marching_tetrahedra(0.5 + 12 - np.linalg.norm(nodes(count), axis=-1) + noise)
     middle = 0.5 * (count - 1) - 0.13
-    assert treated(mesh).treatment == "measured-surface"
+    assert mesh_treatment(mesh).treatment == "measured-surface"
     assert angle_to_ball(mesh, middle) > 15
     assert angle_to_ball(cn.denoise(mesh), middle) < 0.35 * angle_to_ball(mesh, middle)
 

@@ -7,7 +7,7 @@ from shapes import cube, icosphere
 from test_io import OBJ, read, stl_binary, written
 
 import cascadenorm as cn
-from cascadenorm.inspection import inspect
+from cascadenorm.api.inspection import inspect
 from cascadenorm.mesh import unit
 
 

@@ -7,8 +7,8 @@ from shapes import cube, icosphere
 from test_io import OBJ, read, stl_binary, stl_text, written
 
 import cascadenorm as cn
+from cascadenorm.api.inspection import inspect
 from cascadenorm.cli import run
-from cascadenorm.inspection import inspect
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.welding import PRIME, _find_equal, first_equal, weld
 

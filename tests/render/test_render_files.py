@@ -20,9 +20,9 @@ from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import OutputError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.render import Camera
+from cascadenorm.render.encoding import mp4
 from cascadenorm.render.figure import ACCENTS
 from cascadenorm.render.files import draw
-from cascadenorm.render.mp4 import mp4
 from cascadenorm.render.scenes import FRAMES as TURNS
 from cascadenorm.render.scenes import Style
 

@@ -10,6 +10,6 @@ from cascadenorm.cli.app import app
 from cascadenorm.cli.commands import denoising  # noqa: F401 - it adds itself, first in the help
 
 # isort: split
-from cascadenorm.cli.commands import browsing, drawing, measuring, training  # noqa: F401 - they add themselves
+from cascadenorm.cli.commands import drawing, measuring, training  # noqa: F401 - they add themselves
 
 __all__ = ["app"]

@@ -260,7 +260,7 @@ def inspect(
     as_json: JsonOption = False,
 ) -> None:
     """Report the size and topology of a mesh, its defects and their locations, and its noise level."""
-    from cascadenorm import inspection
+    from cascadenorm.api import inspection
     from cascadenorm.cli import json_output, tables
 
     mesh = sys.stdin.buffer if source == "-" else source

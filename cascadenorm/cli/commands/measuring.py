@@ -84,103 +84,89 @@ def spectrum(
         tables.print_spectrum(found)
 
 
-Folders = Annotated[
-    list[Path] | None,
-    typer.Argument(
-        metavar="[DIR...]",
-        help="Folders that each contain noisy.* and clean.*, or folders of such folders.",
-        show_default=False,
-    ),
-]
-Dataset = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME", help="Public data set, read from --from. Use `list` to see all sets and where to get them."
-    ),
-]
-Copy = Annotated[
-    Path | None,
-    typer.Option("--from", metavar="DIR", help="Your copy of the public set, which is a clone or an unpacked archive."),
-]
-SplitOption = Annotated[str, typer.Option(metavar="test|train", help="Published split of the public set.")]
-Noise = Annotated[
-    float | None,
-    typer.Option(
-        metavar="LEVEL",
-        help="Instead of using noisy.*, add Gaussian noise along the normals to clean.*, with this standard "
-        "deviation in mean edge lengths.",
-    ),
-]
-Seeds = Annotated[
-    int, typer.Option(min=1, help="Number of noisy versions of each clean mesh. The tables show the spread over them.")
-]
-Methods = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME",
-        help="Method to evaluate. Repeat the option to evaluate several. By default: auto, cascade, bilateral-normal, "
-        "guided-normal and l0.",
-    ),
-]
-Results = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME=DIR",
-        help="Add results of another program, which are the meshes DIR/<pair>.*. Repeat the option to add several.",
-    ),
-]
-Timeout = Annotated[
-    float, typer.Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this for one mesh.")
-]
-Programs = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="'NAME=PROG {in} {out}'",
-        help="Run another program on each noisy mesh. {in.obj} and {out.obj} convert to and from that format. "
-        "Repeat the option to run several.",
-    ),
-]
-Csv = Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results as CSV.")]
-Markdown = Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as Markdown.")]
-Latex = Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as LaTeX.")]
-Html = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Write an HTML page of tables and figures, and a page with a 3-D viewer for each pair."
-    ),
-]
-Keep = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Keep the denoised meshes in this folder, from which a later run reuses them. With --html, the default "
-        "is a folder beside that file.",
-    ),
-]
-Workers = Annotated[int, typer.Option(min=1, help="Number of processes.")]
-
-
 @app.command()
 @control_options("strength", "threads")
 def evaluate(
-    folders: Folders = None,
+    folders: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[DIR...]",
+            help="Folders that each contain noisy.* and clean.*, or folders of such folders.",
+            show_default=False,
+        ),
+    ] = None,
     *,
-    dataset: Dataset = None,
-    copy: Copy = None,
-    split: SplitOption = "test",
-    noise: Noise = None,
-    seeds: Seeds = 1,
-    method: Methods = None,
-    result: Results = None,
-    command: Programs = None,
-    timeout: Timeout = 3600.0,
+    dataset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Public data set, read from --from. Use `list` to see all sets and where to get them."
+        ),
+    ] = None,
+    copy: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", metavar="DIR", help="Your copy of the public set, which is a clone or an unpacked archive."
+        ),
+    ] = None,
+    split: Annotated[str, typer.Option(metavar="test|train", help="Published split of the public set.")] = "test",
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LEVEL",
+            help="Instead of using noisy.*, add Gaussian noise along the normals to clean.*, with this standard "
+            "deviation in mean edge lengths.",
+        ),
+    ] = None,
+    seeds: Annotated[
+        int,
+        typer.Option(min=1, help="Number of noisy versions of each clean mesh. The tables show the spread over them."),
+    ] = 1,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Method to evaluate. Repeat the option to evaluate several. By default: auto, cascade, "
+            "bilateral-normal, guided-normal and l0.",
+        ),
+    ] = None,
+    result: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=DIR",
+            help="Add results of another program, which are the meshes DIR/<pair>.*. Repeat the option to add several.",
+        ),
+    ] = None,
+    command: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="'NAME=PROG {in} {out}'",
+            help="Run another program on each noisy mesh. {in.obj} and {out.obj} convert to and from that format. "
+            "Repeat the option to run several.",
+        ),
+    ] = None,
+    timeout: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this for one mesh."),
+    ] = 3600.0,
     settings: Set = None,
-    csv: Csv = None,
-    markdown: Markdown = None,
-    latex: Latex = None,
-    html: Html = None,
-    keep: Keep = None,
-    workers: Workers = 1,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results as CSV.")] = None,
+    markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as Markdown.")] = None,
+    latex: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as LaTeX.")] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write an HTML page of tables and figures, and a page with a 3-D viewer for each pair."
+        ),
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep the denoised meshes in this folder, from which a later run reuses them. With --html, the "
+            "default is a folder beside that file.",
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes.")] = 1,
     scheduler: Scheduler = None,
     force: Force = False,
     as_json: JsonOption = False,

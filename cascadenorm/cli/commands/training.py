@@ -23,8 +23,8 @@ def generate(
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
     """Generate pairs of noisy and clean meshes from random shapes with many kinds of noise."""
+    from cascadenorm.api.training_pairs import write_pairs
     from cascadenorm.cli import progress_bars
-    from cascadenorm.models.training_pairs import write_pairs
 
     with progress_bars.progress_tasks() as progress:
         write_pairs(
@@ -76,10 +76,10 @@ def train(
     """Train a cascade on generated shapes. An interrupted training resumes when it is started again."""
     from dataclasses import replace
 
+    from cascadenorm.api import models
     from cascadenorm.cli import progress_bars
     from cascadenorm.learned.config import QUICK, TrainConfig, read_config
     from cascadenorm.learned.training.launch import is_main
-    from cascadenorm.models import models
 
     if config is not None and quick:
         raise typer.BadParameter("--quick and --config exclude each other, since --quick has its own settings")
@@ -116,8 +116,8 @@ def train_gate(
     **controls: Any,
 ) -> None:
     """Train the gate that lets `auto` choose between two trained networks, and write all three to one file."""
+    from cascadenorm.api import models
     from cascadenorm.cli import progress_bars
-    from cascadenorm.models import models
 
     with progress_bars.progress_tasks(log=True) as progress:
         models.train_gate(vertex, surface, output, seed=seed, force=force, progress=progress, **controls)
@@ -142,16 +142,16 @@ def show_model(
     force: Force = False,
 ) -> None:
     """Print the model card of a model as JSON: training data, settings and validation error."""
+    from cascadenorm.api import models
     from cascadenorm.cli import json_output, tables
     from cascadenorm.learned.training.training_log import read_passes
-    from cascadenorm.models import models
 
     if curves is not None:
         tables.print_curves(read_passes(curves))
         return
     if hub is not None:
+        from cascadenorm.api.model_cards import hub_card
         from cascadenorm.io.atomic import write_atomically
-        from cascadenorm.models.model_cards import hub_card
 
         write_atomically(hub, [hub_card(model).encode()], force=force)
         return
@@ -171,7 +171,7 @@ def export_onnx(
     force: Force = False,
 ) -> None:
     """Export the networks of a model as ONNX files, one per stage. See docs/models.md for inputs and outputs."""
-    from cascadenorm.models import models
+    from cascadenorm.api import models
 
     for path in models.export_onnx(models.load_model(model), folder, force=force):
         print(path)

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.api.api import denoise
+from cascadenorm.api.inspection import inspect
+from cascadenorm.api.inspection.findings import FINDINGS
 from cascadenorm.errors import CascadenormError, counted
 from cascadenorm.execution.progress import Listener, report_to
 from cascadenorm.frontends.blender.panel import draw_settings
@@ -22,8 +24,6 @@ from cascadenorm.frontends.blender.surfaces import (
     write_shape_key,
 )
 from cascadenorm.frontends.jobs import Cancelled, Job
-from cascadenorm.inspection import inspect
-from cascadenorm.inspection.findings import FINDINGS
 
 Work = Callable[[Listener], Any]
 

@@ -7,10 +7,9 @@ import pytest
 from shapes import cube, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api.inspection.defects import SPIKE, spikes
+from cascadenorm.api.inspection.inspection import surface_faults
 from cascadenorm.cli import run
-from cascadenorm.inspection import faults
-from cascadenorm.inspection.defects import SPIKE, spikes
-from cascadenorm.inspection.faults import surface_faults
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -32,7 +31,7 @@ def test_a_vertex_is_a_spike_where_its_angles_add_up_to_little(pointed):
 
 def test_smooth_surfaces_and_corners_have_none():
     for mesh in (BALL, cube(4), noisy(BALL, 0.1)):
-        assert surface_faults(mesh) == (0, 0)
+        assert surface_faults(mesh) == {"crossing_faces": 0, "spikes": 0}
 
 
 def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):
@@ -58,6 +57,6 @@ def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):
     found = cn.inspect("ball.ply")
     assert told["spikes"] == {"before": 2, "after": 0} and found.spikes.count == 2
     assert told["crossing_faces"]["before"] == found.crossing_faces.count > 0 == told["crossing_faces"]["after"]
-    monkeypatch.setattr(faults, "MOST_FACES_CROSSED", 10)
+    monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 10)
     assert run(words) == 0
     assert json.loads(capsys.readouterr().out)["crossing_faces"] == {"before": None, "after": None}

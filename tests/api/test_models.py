@@ -10,6 +10,7 @@ import pytest
 from shapes import cube, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api.training_pairs import training_pairs
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
@@ -21,7 +22,6 @@ from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.training.gate_training import GateConfig
 from cascadenorm.learned.training.training_log import Pass, read_passes, recording
 from cascadenorm.mesh import Mesh, in_frame, scaled_alike
-from cascadenorm.models.training_pairs import training_pairs
 
 ROOT = Path(__file__).parents[2]
 HELD_OUT = DatasetConfig(

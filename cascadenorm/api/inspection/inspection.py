@@ -6,24 +6,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.detection.error_kind import ErrorKind, error_kind
-from cascadenorm.detection.noise_level import noise_level
-from cascadenorm.detection.steps import Treads, treads
-from cascadenorm.geometry.orientation import oriented
-from cascadenorm.geometry.small_components import small_components
-from cascadenorm.inspection.crossings import crossing_faces
-from cascadenorm.inspection.defects import (
+from cascadenorm.api.inspection.crossings import crossing_faces
+from cascadenorm.api.inspection.defects import (
     boundary_loop_count,
+    enclosed,
     flipped_edges,
     pinched_vertices,
     repeats,
     spikes,
     thin_faces,
 )
-from cascadenorm.inspection.enclosed import enclosed
-from cascadenorm.inspection.faults import MOST_FACES_CROSSED
-from cascadenorm.inspection.source import Found, GivenMesh, taken
-from cascadenorm.learned.methods import Treated, auto, treated
+from cascadenorm.api.inspection.source import Found, GivenMesh, taken
+from cascadenorm.detection.error_kind import ErrorKind, error_kind
+from cascadenorm.detection.noise_level import noise_level
+from cascadenorm.detection.steps import Treads, treads
+from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.small_components import small_components
+from cascadenorm.learned.methods import MeshTreatment, auto, mesh_treatment
 from cascadenorm.mesh import (
     Mesh,
     bad_faces,
@@ -36,6 +35,8 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.mesh.welding import nearly_coincident
 
+MOST_FACES_CROSSED = 200_000
+"""Maximum number of faces of meshes that are checked for self-intersections by default."""
 MOST_FACES_DENOISED = 300_000
 """Maximum number of faces for which `auto` is run to determine the kind of error."""
 NONE_FOUND = Found(0, ())
@@ -153,7 +154,7 @@ class Inspection:
     resolution: float | None = None
     noise: float | None = None
     error: ErrorKind | None = None
-    treated_as: Treated | None = None
+    treated_as: MeshTreatment | None = None
     treads: Treads | None = None
 
     @property
@@ -258,7 +259,7 @@ def _noise_and_error(mesh: Mesh, exponent: int) -> dict[str, Any]:
         return {"noise": noise, "error": None, "treated_as": None}
     mesh = ordered_for_cache(mesh).mesh
     error = error_kind(mesh, auto(mesh), exponent=exponent)
-    return {"noise": None if noise is None else error.size, "error": error, "treated_as": treated(mesh)}
+    return {"noise": None if noise is None else error.size, "error": error, "treated_as": mesh_treatment(mesh)}
 
 
 def _scaled(value: float, exponent: int) -> float | None:
@@ -266,3 +267,12 @@ def _scaled(value: float, exponent: int) -> float | None:
     with np.errstate(over="ignore"):
         scaled = float(np.ldexp(value, exponent))
     return scaled if np.isfinite(scaled) else None
+
+
+def surface_faults(mesh: Mesh) -> dict[str, int | None]:
+    """Count crossing faces and spikes; crossing faces are None for more than MOST_FACES_CROSSED faces."""
+    small, _ = in_frame(mesh)
+    crossing = None
+    if len(mesh.faces) <= MOST_FACES_CROSSED:
+        crossing = int(crossing_faces(small, repeats(small.vertices)[1]).sum())
+    return {"crossing_faces": crossing, "spikes": int(spikes(small).sum())}

@@ -73,30 +73,12 @@ def write_pairs(
 ) -> None:
     """Generate pairs of shapes of all families, each in its own folder, and write `dataset.json` beside them.
 
-    Parameters
-    ----------
-    folder
-        Output folder; created if missing.
-    count, seed
-        Number of pairs, and random seed; the same values give the same files.
-    workers
-        Number of processes.
-    scheduler
-        Address of the scheduler of a Dask cluster whose workers generate the pairs; "local" starts a cluster of
-        `workers` processes on this machine; None starts processes without Dask. This process writes the files.
-    force
-        Write to a folder that is not empty.
-    progress
-        Called with (task, pairs done, total pairs) after each pair.
+    The same count and seed give the same files. `workers` processes generate the pairs, or a Dask cluster with the
+    address `scheduler`, or a local one if that is "local"; this process writes the files. `force` writes to a folder
+    that is not empty. `progress` is called with (task, pairs done, total pairs) after each pair.
 
-    Raises
-    ------
-    OutputError
-        The folder is not empty and `force` is False, or it is a file or cannot be created.
-    MissingDependencyError
-        scikit-image is not installed, or distributed is needed for a scheduler and not installed.
-    ParameterError, WorkerError
-        As in `on_cluster`.
+    Raises OutputError if the folder cannot be used, MissingDependencyError if scikit-image or distributed is needed and
+    not installed, and the errors of `use_cluster`.
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")

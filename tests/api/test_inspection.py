@@ -7,12 +7,12 @@ import trimesh
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api.inspection import FINDINGS, Found, Inspection, inspect, noise_level
+from cascadenorm.api.inspection.crossings import crossing_faces
 from cascadenorm.cli import run
 from cascadenorm.cli.tables import counted
 from cascadenorm.data_gen.families import SHAPE_FAMILIES
 from cascadenorm.detection.noise_level import local_noise
-from cascadenorm.inspection import FINDINGS, Found, Inspection, inspect, noise_level
-from cascadenorm.inspection.crossings import crossing_faces
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -193,7 +193,7 @@ def test_triangles_cross_or_touch():
 
 
 def test_crossings_are_looked_for_where_asked_or_where_it_is_quick(monkeypatch):
-    monkeypatch.setattr("cascadenorm.inspection.inspection.MOST_FACES_CROSSED", 319)
+    monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 319)
     assert inspect(BALL).crossing_faces is None
     assert inspect(BALL, self_intersections=True).crossing_faces == Found(0, ())
     monkeypatch.undo()

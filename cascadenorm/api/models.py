@@ -1,7 +1,8 @@
 """Train models, load them from files and denoise with them."""
 
 import shutil
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from copy import deepcopy
 from importlib import import_module
 from os import PathLike
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.api.api import denoise
+from cascadenorm.api.training_pairs import training_pairs
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.io.atomic import check_output, make_folder, write_atomically
@@ -20,7 +22,6 @@ from cascadenorm.learned.methods import Learned, shipped
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
-from cascadenorm.models.training_pairs import training_pairs
 
 SHIPPED = ("auto", "cascade")
 
@@ -41,13 +42,7 @@ class Denoiser:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Denoiser":
-        """Read a weights file made by `train_cascade` or `trained_gate`.
-
-        Raises
-        ------
-        ParameterError
-            The file is missing or is not a model.
-        """
+        """Read a weights file made by `train` or `train_gate`; raises ParameterError if it is not one."""
         return cls(read_model(path))
 
     @classmethod
@@ -156,11 +151,8 @@ def train(
         A process that shares the work ended early.
     """
     output = Path(output)
-    try:
-        import_module("skimage")  # generates the shapes
+    with _libraries_of_training():
         from cascadenorm.learned.training import training
-    except ImportError as error:
-        raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
     check_output(output, force=force)
     checkpoint = output.with_name(output.name + ".training")
     resumed, lines, events = checkpoint.exists(), *(None if one is None else Path(one) for one in (log, tensorboard))
@@ -222,13 +214,20 @@ def train_gate(
     output = Path(output)
     check_output(output, force=force)
     cascades = [Cascade.load(path) for path in (vertex, surface)]
-    try:
-        import_module("skimage")  # generates the shapes
+    with _libraries_of_training():
         from cascadenorm.learned.training import gate_training
-    except ImportError as error:
-        raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None
     config = gate_training.GateConfig() if seed is None else gate_training.GateConfig(seed=seed)
     with limit_threads(threads):
         model = gate_training.trained_gate(cascades[0], cascades[1], config, progress=progress)
     write_atomically(output, [model.to_bytes()], force=force)
     return Denoiser(model)
+
+
+@contextmanager
+def _libraries_of_training() -> Iterator[None]:
+    """Name the library that an import for training lacks."""
+    try:
+        import_module("skimage")  # generates the shapes
+        yield
+    except ImportError as error:
+        raise MissingDependencyError("training", package=error.name or "torch", extra="train") from None

@@ -1,1 +1,0 @@
-"""Train, load and export models."""
