@@ -33,7 +33,7 @@ from cascadenorm.execution.memory import USABLE_FRACTION, available_memory, pars
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
-from cascadenorm.io.urls import is_url
+from cascadenorm.io.files import is_url
 from cascadenorm.mesh import thread_count
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, without_query
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
-from cascadenorm.io.urls import is_url
+from cascadenorm.io.files import is_url
 
 RESULT_NAME = "_denoised"
 """Suffix that `denoise` adds to the stem of a file name."""

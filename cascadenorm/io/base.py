@@ -57,6 +57,7 @@ class MeshFile(ABC):
 
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # number of the first vertex and face in this format
+    needs: ClassVar[tuple[str, str, str]] = ("", "", "")  # module, package and extra that the format requires
     _isolates = False
     _weld_distance = 0.0
     moving_loses: tuple[str, ...] = ()  # what is lost when vertices move, in words

@@ -1,19 +1,19 @@
 """Wavefront OBJ: replace the numbers of `v` and `vn` and keep all lines."""
 
 import os
+import re
 from collections.abc import Iterable
 from itertools import pairwise
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import TEXTURE, Look, from_words
-from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.content import TEXTURE, Content, Labels, Look, from_words
 from cascadenorm.io.hole_patches import HolePatches
-from cascadenorm.io.materials import textures
-from cascadenorm.io.references import content_beside, file_beside
+from cascadenorm.io.sidecar_files import content_beside, file_beside
 from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
@@ -215,3 +215,14 @@ def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:
     if textured:
         words = [b"%b/%b" % (word, word) for word in words]
     return [b"f %b\n" % b" ".join(words[a:b]) for a, b in pairwise(polygons.indptr.tolist())]
+
+
+OPTION = rb"-\w+(?:[ \t]+(?:on|off|[rgbmlz]|sphere|cube_\w+|[-+]?[\d.]+))*[ \t]+"
+KEYWORD = rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+"
+TEXTURE_LINE = re.compile(KEYWORD + rb"(?:" + OPTION + rb")*([^\r\n]*\S)", re.M | re.I)
+
+
+def textures(library: bytes, name: str) -> list[str]:
+    """Return the names of textures, relative to the same folder as the name of the library."""
+    found = {os.fsdecode(match[1]).replace("\\", "/") for match in TEXTURE_LINE.finditer(library)}
+    return sorted((PurePath(name).parent / texture).as_posix() for texture in found)

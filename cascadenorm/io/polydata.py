@@ -27,6 +27,7 @@ class PolyDataFile(MeshFile):
     """A VTP file. Positions are float32 or float64. Vertex and line cells are kept."""
 
     format = "vtp"
+    needs = ("vtkmodules", "pyvista", "pyvista")
     moving_loses = ("what VTK does not keep (comments, layout)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
@@ -147,8 +148,6 @@ class LegacyPolyDataFile(PolyDataFile):
 
 
 FLOATS = ("float", "double")
-POLYDATA = {"vtp": PolyDataFile}
-"""Formats by their extensions."""
 
 
 def _array(array: Any) -> NDArray[Any]:

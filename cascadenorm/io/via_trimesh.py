@@ -14,15 +14,20 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import CHANNELS, Content
 from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined
 from cascadenorm.mesh.polygons import Polygons
 
-TRIMESH_NEEDS = {"3dxml": "lxml networkx", "stp": "cascadio", "step": "cascadio", "xaml": "lxml", "zae": "pycollada"}
-"""Packages that a format requires."""
+TRIMESH_NEEDS = {
+    "3dxml": ("lxml networkx", "formats"),
+    "stp": ("cascadio", ""),
+    "step": ("cascadio", ""),
+    "xaml": ("lxml", "formats"),
+    "zae": ("pycollada", "formats"),
+}
+"""Packages that a format requires, and the extra that installs them."""
 
 INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
 

@@ -18,8 +18,7 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.libraries import explained
-from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.unpacking import limited_expansion
+from cascadenorm.io.limits import check_expansion, limited_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
 
@@ -32,6 +31,7 @@ class MeshioFile(MeshFile):
     """A grid whose cells are polygons. Positions are float32 or float64."""
 
     module: ClassVar[str]  # module of meshio
+    needs = ("meshio", "meshio", "formats")
     made_with: ClassVar[dict[str, Any]] = {}  # options for writing content of other formats
     moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
@@ -183,10 +183,6 @@ class AbaqusFile(MeshioFile):
         if re.search(rb"^\*include\b", self.data, re.M | re.I):
             raise ReadError("this Abaqus file includes other files, which are not read: put their content into it")
         return super()._load()
-
-
-MESHIO = {kind.format: kind for kind in (VtkFile, VtuFile, GmshFile, AbaqusFile)}
-"""Formats by their extensions."""
 
 
 def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> bytes:

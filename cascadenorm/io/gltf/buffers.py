@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
-from cascadenorm.io.references import file_beside, is_within
+from cascadenorm.io.sidecar_files import file_beside, is_within
 from cascadenorm.io.text.text import blocks
 
 EMBEDDED = "data:application/octet-stream;base64,"

@@ -4,13 +4,10 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, Look, channels
-from cascadenorm.io.content import Content
-from cascadenorm.io.gltf.accessors import COMPONENT_COUNTS, COMPONENT_TYPES
-from cascadenorm.mesh import box_of
+from cascadenorm.io.content import CHANNELS, Content, Look, channels
+from cascadenorm.io.gltf.accessors import NewAccessors
 from cascadenorm.mesh.polygons import triangulate
 
 LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
@@ -46,45 +43,26 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
     """Return a document of one mesh with vertex colours and texture coordinates, its buffer, and what is lost."""
     triangles, _ = triangulate(content.positions, content.polygons)
     positions = content.single_positions().astype("<f4", copy=False)
-    arrays = {"POSITION": positions}
+    added = NewAccessors({})
+    attributes = {"POSITION": added.add(positions, bounds=True)}
     colors = channels(content.vertex_values)
     if colors:
         opaque = np.full(len(positions), 255, np.uint8)
-        arrays["COLOR_0"] = np.stack([colors.get(name, opaque) for name in CHANNELS], axis=1)
+        rgba = np.stack([colors.get(name, opaque) for name in CHANNELS], axis=1)
+        attributes["COLOR_0"] = added.add(rgba, normalized=True)
     look = Look.of(content.vertex_values)
     if look.texture is not None:
         s, t = look.texture.T
-        arrays["TEXCOORD_0"] = np.stack([s, 1 - t], axis=1).astype("<f4")  # glTF counts from the top
-    document, buffer = _assembled(arrays, triangles.astype("<u4").reshape(-1, 1))
-    return document, buffer, content.lost_as_triangles((*colors, *look.names))
-
-
-def _assembled(arrays: dict[str, NDArray[Any]], indices: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
-    """Return a document with one mesh of these attributes, and its buffer."""
-    parts = [*arrays.values(), indices]
-    numbers = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
-    types = {count: name for name, count in COMPONENT_COUNTS.items()}
-    starts = np.cumsum([0, *(part.nbytes for part in parts)]).tolist()
-    accessors = [
-        {"bufferView": i, "componentType": numbers[part.dtype], "count": len(part), "type": types[part.shape[1]]}
-        for i, part in enumerate(parts)
-    ]
-    position = next(iter(arrays.values()))
-    if len(position):
-        lower, upper = box_of(position)
-        accessors[0] |= {"min": lower.tolist(), "max": upper.tolist()}
-    if "COLOR_0" in arrays:
-        accessors[list(arrays).index("COLOR_0")]["normalized"] = True
-    primitive = {"attributes": {name: i for i, name in enumerate(arrays)}, "indices": len(arrays)}
-    views = [{"buffer": 0, "byteOffset": a, "byteLength": part.nbytes} for a, part in zip(starts, parts, strict=False)]
+        attributes["TEXCOORD_0"] = added.add(np.stack([s, 1 - t], axis=1).astype("<f4"))  # glTF counts from the top
+    indices = added.add(triangles.astype("<u4").reshape(-1, 1), indices=True)
     document = {
         "asset": {"version": "2.0", "generator": "cascadenorm"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [primitive]}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": starts[-1]}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": indices}]}],
+        "accessors": added.accessors,
+        "bufferViews": added.views,
+        "buffers": [{"byteLength": len(added.data)}],
     }
-    return document, b"".join(np.ascontiguousarray(part).view(np.uint8).data for part in parts)
+    return document, bytes(added.data), content.lost_as_triangles((*colors, *look.names))

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
-from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, StoredVectors
+from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf.document import check_lists, document_of, encoded, parsed
-from cascadenorm.io.gltf.patching import Patching, PrimitivePlace
-from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
+from cascadenorm.io.gltf.patching import Patching
+from cascadenorm.io.gltf.scene import content_of
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
@@ -34,19 +34,6 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 """Extensions that store compressed geometry. The file may also contain uncompressed positions, but moving only these
 would not change what is shown."""
-
-
-class Primitive(NamedTuple):
-    """Triangles of one material."""
-
-    mesh: int  # its number
-    number: int  # of the primitive within the mesh
-    material: int | None  # its number
-    attributes: dict[str, int]  # name -> accessor
-    # positions, normals: byte offsets in the buffers. There are either no normals or one for each position.
-    positions: StoredVectors
-    normals: StoredVectors
-    triangles: NDArray[np.int64]  # (m, 3) rows of both
 
 
 class GltfContainer(MeshFile):
@@ -313,33 +300,28 @@ class GltfContainer(MeshFile):
                 stored[self._rows(primitive)] = primitive.normals.read(self._buffers.data)
         inner = self._chunk is not None and "uri" not in self._buffers.declared[0]
         begin, buffer = (len(self._chunk or b""), 0) if inner else (0, len(self._buffers.declared))
+        added = NewAccessors(self._document, buffer=buffer, begin=begin)
+        rows = [self._rows(p) for p in self._primitives]
+        arrays = self.positions, self.welds, stored
         with _explained():
-            places, accessors = self._places(), self._accessors
-            added = Patching(
-                self._document, accessors, places, self.positions, self.welds, stored, patches, begin, buffer
-            )
+            made = Patching(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
         buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
         if inner:
             chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
             buffers[0]["byteLength"] = len(chunk)
         else:
             buffers.append({"byteLength": len(data), "uri": embedded(data)})
-        if added.untextured:
-            what = counted(added.untextured, "patch", "patches")
+        if made.untextured:
+            what = counted(made.untextured, "patch", "patches")
             patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
-        text = encoded({**added.document, "buffers": buffers})
+        text = encoded({**made.document, "buffers": buffers})
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
-
-    def _places(self) -> list[PrimitivePlace]:
-        return [PrimitivePlace(p.mesh, p.number, self._rows(p), len(p.triangles)) for p in self._primitives]
 
     def _read_content(self) -> Content:
         with _explained():
-            shapes = [
-                ShownPrimitive(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles)
-                for p in self._primitives
-            ]
-            return content_of(self._document, self._accessors, shapes)
+            return content_of(
+                self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
+            )
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:

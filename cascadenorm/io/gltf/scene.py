@@ -1,48 +1,45 @@
 """Join the meshes that a glTF scene shows into one mesh."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, channels
-from cascadenorm.io.content import Content
-from cascadenorm.io.gltf.accessors import Accessors
+from cascadenorm.io.content import CHANNELS, Content, channels
+from cascadenorm.io.gltf.accessors import Accessors, Primitive
 from cascadenorm.io.shown import LARGEST, Matrix, Shown, joined
 from cascadenorm.mesh.polygons import Polygons
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
 
 
-class ShownPrimitive(NamedTuple):
-    """A primitive: the number of its mesh, its accessors by name, its positions, and (m, 3) rows of them."""
-
-    mesh: int
-    attributes: dict[str, int]
-    positions: NDArray[Any]
-    triangles: NDArray[np.int64]
-
-
-def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[ShownPrimitive]) -> Content:
+def content_of(
+    document: dict[str, Any],
+    accessors: Accessors,
+    shapes: list[Primitive],
+    positions_of: Callable[[Primitive], NDArray[Any]],
+) -> Content:
     """Return the primitives of all meshes, transformed, once for each time that the scene shows their mesh."""
     filled = [shape for shape in shapes if len(shape.triangles)]
-    of_mesh: dict[int, list[ShownPrimitive]] = {}
+    of_mesh: dict[int, list[Primitive]] = {}
     for shape in _joined(filled):
         of_mesh.setdefault(shape.mesh, []).append(shape)
     meshes = of_mesh.keys()
     places = [(mesh, matrix) for mesh, matrix in _instances(document) if mesh in meshes]
     places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes without a scene
-    accessors.claim(sum(shape.positions.size + shape.triangles.size for mesh, _ in places for shape in of_mesh[mesh]))
-    shown = [_shown(shape, accessors).placed(matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
+    placed = [(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
+    accessors.claim(sum(3 * len(shape.positions.at) + shape.triangles.size for shape, _ in placed))
+    shown = [_shown(shape, accessors, positions_of(shape)).placed(matrix) for shape, matrix in placed]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
     if len(filled) < len(shapes):
         left_out.append("points and lines")
     if meshes - {mesh for mesh, _ in places}:
         left_out.append("meshes that the scene does not show")
     positions, polygons, values, _ = joined(shown)
-    names = {name for mesh, _ in places for shape in of_mesh[mesh] for name in shape.attributes}
+    names = {name for shape, _ in placed for name in shape.attributes}
     lost = {name for mesh in shown for name in mesh.vertex_values} - values.keys()
     kept = {"COLOR_0"} if "red" in values and not lost & {*CHANNELS} else set()
     kept |= {"TEXCOORD_0"} if "s" in values else set()
@@ -51,9 +48,9 @@ def content_of(document: dict[str, Any], accessors: Accessors, shapes: list[Show
     return Content(positions, polygons, values, left_out=tuple(left_out))
 
 
-def _joined(shapes: list[ShownPrimitive]) -> list[ShownPrimitive]:
+def _joined(shapes: list[Primitive]) -> list[Primitive]:
     """Join primitives of a mesh that share vertices. They usually differ in their materials."""
-    alike: dict[tuple[Any, ...], list[ShownPrimitive]] = {}
+    alike: dict[tuple[Any, ...], list[Primitive]] = {}
     for shape in shapes:
         alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
     return [
@@ -61,15 +58,15 @@ def _joined(shapes: list[ShownPrimitive]) -> list[ShownPrimitive]:
     ]
 
 
-def _shown(shape: ShownPrimitive, accessors: Accessors) -> Shown:
+def _shown(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> Shown:
     """Return a primitive with its colours and texture coordinates."""
-    values, count = dict[str, NDArray[Any]](), len(shape.positions)
+    values, count = dict[str, NDArray[Any]](), len(positions)
     if "COLOR_0" in shape.attributes and len(colors := accessors.values(shape.attributes["COLOR_0"])) == count:
         values |= channels(dict(zip(CHANNELS, colors.T, strict=False)))
     texture = accessors.fractions(shape.attributes["TEXCOORD_0"]) if "TEXCOORD_0" in shape.attributes else None
     if texture is not None and len(texture) == count:
         values |= {"s": texture[:, 0], "t": 1 - texture[:, 1]}  # glTF counts from the top
-    return Shown(shape.positions, Polygons.from_rows(shape.triangles), values)
+    return Shown(positions, Polygons.from_rows(shape.triangles), values)
 
 
 def _instances(document: dict[str, Any]) -> list[tuple[int, Matrix]]:

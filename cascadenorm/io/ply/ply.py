@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS
-from cascadenorm.io.content import Content, Positions
+from cascadenorm.io.content import CHANNELS, Content, Positions
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows

@@ -12,7 +12,7 @@ from typing import Any
 
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.libraries import explained, unzipped
-from cascadenorm.io.references import is_within
+from cascadenorm.io.sidecar_files import is_within
 
 CRATE = b"PXR-USDC"
 """First bytes of a binary layer."""

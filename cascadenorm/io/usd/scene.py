@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, Values, joined, values_of_vertices

@@ -40,6 +40,7 @@ class UsdFile(MeshFile):
     """A text or binary layer. Positions are float32, in the frame of each mesh."""
 
     format = "usd"
+    needs = ("pxr", "usd-core", "usd")
     moving_loses = ("what OpenUSD does not keep (comments, layout)",)
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
@@ -165,10 +166,6 @@ class UsdzFile(UsdFile):
     def refers_to(self) -> dict[str, bool]:
         """Return nothing, since an archive contains the files that it references."""
         return {}
-
-
-USD = {kind.format: kind for kind in (UsdFile, UsdaFile, UsdcFile, UsdzFile)}
-"""Formats by their extensions."""
 
 
 def layer_format(data: bytes) -> str:

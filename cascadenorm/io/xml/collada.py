@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
-from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Labels, Look, as_bytes
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
 from cascadenorm.io.text.spelling import lines_of, replace_words
