@@ -81,14 +81,14 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
     placed: list[Path] = []
     try:
         for path, pieces in files:
-            with _explained(path):
+            with explained_writing(path):
                 if is_special(path):
                     with path.open("wb") as stream:
                         stream.writelines(pieces)
                 else:
                     _stage(path.resolve(), pieces, staged, owner=files[-1][0])
         for target, name in staged:
-            with _explained(target):
+            with explained_writing(target):
                 if force:
                     os.replace(name, target)
                 else:
@@ -116,10 +116,7 @@ def remove_unfinished(outputs: Iterable[Path]) -> None:
 
 
 def unfinished_name(name: str, owner: Path) -> str:
-    """Return a new name for an incomplete file with a final name, from which `remove_unfinished` recognises its output.
-
-    The owner is the output that the file is or belongs to.
-    """
+    """Return a new name for an incomplete file that is or belongs to an output, for `remove_unfinished`."""
     return f".{name[:NAMED]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
 
 
@@ -129,7 +126,7 @@ def _owner_key(output: Path) -> str:
 
 
 @contextmanager
-def _explained(path: Path) -> Iterator[None]:
+def explained_writing(path: Path) -> Iterator[None]:
     """Convert errors of the operating system to OutputError."""
     try:
         yield
@@ -140,10 +137,7 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]], *, owner: Path) -> None:
-    """Write a complete temporary file for `owner` beside its target, and record both.
-
-    It has the permissions of the file that it replaces, or the default ones of the process for new files.
-    """
+    """Write a temporary file beside its target, with the permissions of the file it replaces, and record both."""
     name = str(target.parent / unfinished_name(target.name, owner))
     mode = target.stat().st_mode & 0o777 if target.exists() else None
     with open(name, "xb", opener=None if mode is None else partial(os.open, mode=mode)) as stream:
@@ -167,10 +161,7 @@ def _rename_to_new(name: str, target: Path) -> None:
 
 
 def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
-    """Write pieces to a stream and flush it. Waits while a non-blocking stream is full.
-
-    Raises OutputError if not all bytes can be written.
-    """
+    """Write all pieces to a stream, which may be full at times, and flush it. Raises OutputError."""
     try:
         for piece in pieces:
             _write(stream, memoryview(piece).cast("B"))

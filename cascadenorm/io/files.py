@@ -184,10 +184,7 @@ def _lost(file: MeshFile) -> list[str]:
 
 
 def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[str]]:
-    """Return a file that supports additional vertices and faces, and what it lacks of the given one, in words.
-
-    PLY, OBJ and glTF files are returned unchanged. Other formats are converted to PLY, with the scene as it is shown.
-    """
+    """Return a file that supports additional faces, PLY for most formats, and what it lacks, in words."""
     if isinstance(file, PlyFile | ObjFile | GltfContainer):
         return file, []
     pieces, lost = _encoded(file, PlyFile)
@@ -233,10 +230,7 @@ def output_format(target: Source, otherwise: str = "") -> str:
 
 
 def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
-    """Raise OutputError if the extension of a target does not select a format that can be written.
-
-    If neither the target nor the source has an extension, the format is detected from the source.
-    """
+    """Raise OutputError if the extension of a target, or else of the source, selects no writable format."""
     if Path(target).suffix or not isinstance(source, str | os.PathLike) or Path(source).suffix:
         output_format(target)
 

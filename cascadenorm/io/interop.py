@@ -1,7 +1,4 @@
-"""Conversion of files and third-party meshes to meshes, and copies with moved vertices.
-
-Third-party libraries are not imported here: the library of a given mesh has been imported already.
-"""
+"""Conversion of files and of meshes of libraries, which are not imported here, and copies with moved vertices."""
 
 import copy
 from collections.abc import Callable

@@ -21,10 +21,7 @@ ALWAYS = 100_000_000
 
 
 def check_expansion(needed: float, size: int, what: str) -> None:
-    """Raise ReadError if content needs more bytes of memory than a file of `size` bytes may expand to.
-
-    `what` is the subject of the message, in the plural.
-    """
+    """Raise ReadError if `what` needs more bytes of memory than a file of `size` bytes may expand to."""
     if needed > expansion_limit(size):
         raise ReadError(
             f"{what} need {needed / 1e6:,.0f} MB, more than {_expansion():g} times the size of the file",

@@ -1,7 +1,4 @@
-"""OFF in text and its variants COFF, NOFF, STOFF and 4OFF.
-
-The file lists vertices, then polygons, one per line.
-"""
+"""OFF in text and its variants COFF, NOFF, STOFF and 4OFF: lines of vertices, then of polygons."""
 
 import re
 from collections.abc import Iterable

@@ -1,7 +1,4 @@
-"""VTK PolyData in XML (VTP) and legacy files, read and written by VTK.
-
-The data of points and cells are kept.
-"""
+"""VTK PolyData in XML (VTP) and legacy files, through VTK. The data of points and cells are kept."""
 
 import re
 import tempfile
@@ -14,7 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
@@ -84,21 +81,14 @@ class PolyDataFile(MeshFile):
         return _written_by(vtkXMLPolyDataWriter(), surface, self.format)
 
     def _read_content(self) -> Content:
-        surface, left_out = self._surface, list[str]()
+        surface = self._surface
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
-        values: list[dict[str, NDArray[Any]]] = [{}, {}]
-        for found, data, begin, of in (
-            (values[0], surface.GetPointData(), 0, "point"),
-            (values[1], surface.GetCellData(), first, "cell"),
-        ):
-            for array in _arrays(data):
-                if array.GetNumberOfComponents() == 1:
-                    found[array.GetName()] = _array(array)[begin:].copy()
-                else:
-                    left_out.append(f"{of} data '{array.GetName()}'")
-        if first:
-            left_out.append("points and lines")
-        return Content(self.positions, self.polygons, values[0], values[1], tuple(left_out))
+        points = ((array.GetName(), [_array(array)]) for array in _arrays(surface.GetPointData()))
+        cells = ((array.GetName(), [_array(array)[first:]]) for array in _arrays(surface.GetCellData()))
+        values, left_out = single_numbers(points, "point")
+        face_values, others = single_numbers(cells, "cell")
+        left_out += others + (["points and lines"] if first else [])
+        return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:

@@ -1,7 +1,4 @@
-"""Files that a mesh file references relative to its folder, such as textures, and copies of them beside an output.
-
-Files outside that folder are never read.
-"""
+"""Files within its folder that a mesh file references, such as textures, and copies of them for an output."""
 
 import os
 from collections.abc import Iterable

@@ -1,7 +1,4 @@
-"""Formats that trimesh reads.
-
-Such files can only be written in other formats, with the content that trimesh provides.
-"""
+"""Formats that trimesh reads; such files are written in other formats, with the content that trimesh provides."""
 
 import logging
 from collections.abc import Iterable

@@ -1,7 +1,4 @@
-"""Formats that meshio reads: VTK grids (legacy and VTU), Gmsh and Abaqus.
-
-The data of points and cells are kept.
-"""
+"""Formats that meshio reads: VTK grids (legacy and VTU), Gmsh and Abaqus. Data of points and cells are kept."""
 
 import copy
 import math
@@ -16,7 +13,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion, limited_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
@@ -97,20 +94,11 @@ class MeshioFile(MeshFile):
         return {}
 
     def _read_content(self) -> Content:
-        values, face_values, left_out = {}, {}, []
-        for name, value in self._grid.point_data.items():
-            if np.ndim(value) == 1:
-                values[name] = np.asarray(value)
-            else:
-                left_out.append(f"point data '{name}'")
         faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
-        for name, blocks in self._grid.cell_data.items():
-            if all(np.ndim(blocks[i]) == 1 for i in faces):
-                face_values[name] = np.concatenate([np.asarray(blocks[i]) for i in faces])
-            else:
-                left_out.append(f"cell data '{name}'")
-        if len(faces) < len(self._grid.cells):
-            left_out.append("points and lines")
+        values, left_out = single_numbers(((name, [value]) for name, value in self._grid.point_data.items()), "point")
+        cells = ((name, [blocks[i] for i in faces]) for name, blocks in self._grid.cell_data.items())
+        face_values, others = single_numbers(cells, "cell")
+        left_out += others + (["points and lines"] if len(faces) < len(self._grid.cells) else [])
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
     @classmethod

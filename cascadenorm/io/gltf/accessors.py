@@ -124,19 +124,13 @@ class Primitive(NamedTuple):
 
 
 class Accessors:
-    """The accessors of an unchecked document: vectors of numbers, packed, interleaved or sparse.
-
-    `size` is the number of bytes of the file, without buffers in separate files.
-    """
+    """The accessors of an unchecked document. `size` is that of the file, without buffers in separate files."""
 
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:
         self._document, self._buffers, self._size, self._claimed = document, buffers, size, 0
 
     def claim(self, count: int) -> None:
-        """Count numbers that are copied out of the buffers. Raises ReadError if they exceed the limit.
-
-        Any number of primitives may share an accessor, and any number of nodes a mesh.
-        """
+        """Count numbers that are copied out of the buffers, several times if shared. Raises ReadError if too many."""
         self._claimed += 8 * count
         check_expansion(self._claimed, self._size + len(self._buffers.data), "the meshes of this glTF file")
 
@@ -174,12 +168,11 @@ class Accessors:
         if sparse is not None:
             indices, values = sparse["indices"], sparse["values"]
             parts += [(indices, sparse["count"], self._type(indices).itemsize), (values, sparse["count"], width)]
-        loaded = self._buffers.is_loaded
         views = self._document["bufferViews"]
         return [
             (self._range(part, count, size), size)
             for part, count, size in parts
-            if loaded(views[part["bufferView"]]["buffer"])
+            if views[part["bufferView"]]["buffer"] in self._buffers.places
         ]
 
     def vectors(self, number: int) -> StoredVectors:
@@ -237,10 +230,7 @@ class Accessors:
 
 
 class NewAccessors:
-    """Accessors and buffer views of a document, to which further ones are added; `data` holds their values.
-
-    The values are stored from a byte offset of a buffer on, which is given by its number.
-    """
+    """Accessors of a document and further ones, whose `data` begin at a byte offset of a buffer."""
 
     def __init__(self, document: dict[str, Any], *, buffer: int = 0, begin: int = 0) -> None:
         self.accessors: list[dict[str, Any]] = list(document.get("accessors", []))

@@ -1,7 +1,4 @@
-"""GLB, the binary container of glTF.
-
-It contains the JSON, followed by the first buffer.
-"""
+"""GLB, the binary container of glTF: the JSON, followed by the first buffer."""
 
 import struct
 from collections.abc import Iterable, Sequence

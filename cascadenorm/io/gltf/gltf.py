@@ -190,10 +190,7 @@ class GltfContainer(MeshFile):
         return self._replaced({})[0]
 
     def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, Piece]]:
-        """Return the container, in pieces, and the buffers with vertices in separate files, under these names.
-
-        Buffers in separate files that get no name are embedded in the JSON.
-        """
+        """Return the container, in pieces, and the moved buffers that get one of these names; others are embedded."""
         data = bytearray(self._buffers.data)
         self._stored.put(data, self.positions, any_in_rows(self._changed))
         stored = self._stored_normals.read(data)

@@ -1,7 +1,4 @@
-"""Add patches that close holes to a glTF document.
-
-Patches are separate primitives whose values are interpolated from their surroundings.
-"""
+"""Add patches that close holes to a glTF document, as primitives with values of their surroundings."""
 
 import copy
 from typing import Any, NamedTuple
@@ -11,7 +8,6 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.gltf.accessors import COMPONENT_TYPES, FLOAT, Accessors, NewAccessors, Primitive
 from cascadenorm.io.hole_patches import HolePatches
-from cascadenorm.mesh import connected_components
 
 COMPRESSED_IN = ("KHR_draco_mesh_compression",)
 COPIED = ("JOINTS_", "WEIGHTS_", "TANGENT")
@@ -25,21 +21,10 @@ Key = tuple[str, int, str]
 class Patching:
     """The additions to a document for patches.
 
-    Parameters
-    ----------
-    primitives, rows
-        Primitives of the file, in the order of its polygons, and the rows of their vertices in its positions.
-    positions, welds, normals
-        Arrays of the file. Normals are (k, 3), zero where it has none.
-    added
-        Accessors of the document, to which those of the patches are added.
-
-    Attributes
-    ----------
-    document
-        Document with the primitives, accessors, buffer views and materials of the patches.
-    untextured
-        Number of patches without texture, since they cross a seam of the texture coordinates.
+    `document` gets the primitives and materials of the patches, and `added` their accessors. The primitives of the file
+    are given in the order of its polygons, with the `rows` of their vertices in its positions, and its normals as
+    (k, 3), zero where it has none. `untextured` counts the patches without texture, since they cross a seam of the
+    texture coordinates.
     """
 
     def __init__(
@@ -59,8 +44,7 @@ class Patching:
         self._materials, self._added, self.untextured = list(document.get("materials", [])), added, 0
         self._normals = patches.all_normals(normals)
         owners = np.repeat(np.arange(len(rows)), [len(place.triangles) for place in primitives])[patches.polygons]
-        parts = _parts(patches.triangles)
-        found = [self._part(parts == number, owners) for number in range(int(parts.max(initial=-1)) + 1)]
+        found = [self._part(patches.parts == n, owners) for n in range(int(patches.parts.max(initial=-1)) + 1)]
         further = self._blended(found)
         of_meshes: dict[int, list[Any]] = {}
         for part in found:
@@ -188,16 +172,6 @@ class _Part(NamedTuple):
     local: NDArray[np.int64]  # for each of `own` the vertex of the primitive; -1 if there is none
     values: dict[Key, NDArray[Any]]  # values of `own`, by attribute
     seams: list[str]  # names of texture coordinates for which a vertex has several values, or none
-
-
-def _parts(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (b,) the patch of each triangle. Triangles of a patch are connected by shared edges."""
-    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    _, side = np.unique(sides, axis=0, return_inverse=True)
-    order = np.argsort(side.ravel(), kind="stable")
-    same = np.diff(side.ravel()[order]) == 0
-    links = np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
-    return np.unique(connected_components(links, len(triangles)), return_inverse=True)[1].ravel()
 
 
 def _without_textures(value: Any) -> Any:

@@ -1,7 +1,4 @@
-"""PLY in text or binary of either byte order.
-
-All elements, properties and comments are kept.
-"""
+"""PLY in text or binary of either byte order. All elements, properties and comments are kept."""
 
 import os
 import re

@@ -1,7 +1,4 @@
-"""Text files as words with known positions.
-
-Single numbers can therefore be replaced without any other change.
-"""
+"""Text files as words with known positions, so that numbers can be replaced without any other change."""
 
 import re
 from collections.abc import Iterator
@@ -23,14 +20,8 @@ SPACE = 32  # white space is at most this byte and follows each word except the 
 class Text:
     """The words of a text and its non-empty lines. A word that begins with # ends its line.
 
-    Attributes
-    ----------
-    data
-        The original text.
-    starts, ends
-        (w,) byte offsets of the words; int32 in texts below 2 GiB, which halves the memory.
-    first, stop
-        (l,) the first word of each line, and the word after its last one.
+    `starts` and `ends`, (w,), are the byte offsets of the words; `first` and `stop`, (l,), the first word of each line
+    and the word after its last one. They are int32 in texts below 2 GiB, which halves the memory.
     """
 
     def __init__(self, data: bytes, *, start: int = 0, continued: bool = False) -> None:

@@ -32,7 +32,6 @@ from cascadenorm.io.usd.layers import (
 from cascadenorm.io.usd.meshes import NORMALS, meshes_of, normal_rows, put, value
 from cascadenorm.io.usd.scene import content_of, stage_of
 from cascadenorm.mesh import any_in_rows, box_of
-from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons
 
 
@@ -93,27 +92,16 @@ class UsdFile(MeshFile):
 
     def _renew_normals(self, layers: Layers, name: str) -> None:
         """Replace the normals with one name that changed, in copies of the layers."""
-        rows, count = [normal_rows(mesh, name) for mesh in self._meshes], 0
-        values, corners = list[NDArray[np.float64]](), list[NDArray[np.int64]]()
-        for mesh, found in zip(self._meshes, rows, strict=True):
-            if found is None:
-                corners.append(np.full(len(mesh.polygons.corners), -1))
-            else:
-                values.append(found[0].astype(np.float64))
-                corners.append(np.where(found[1] >= 0, found[1] + count, -1))
-                count += len(found[0])
-        if not count:
-            return
-        stored = np.concatenate(values)
-        normals, renewed = self._renewed(Normals(stored, self._at_triangles(np.concatenate(corners))))
-        begin = 0
-        for mesh, found in zip(self._meshes, rows, strict=True):
-            if found is not None:
-                here = slice(begin, begin + len(found[0]))
-                begin = here.stop
-                if renewed[here].any():
-                    mixed = np.where(renewed[here, None], normals[here], found[0])
-                    put(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
+        found = [normal_rows(mesh, name) for mesh in self._meshes]
+        tables = {number: rows[0] for number, rows in enumerate(found) if rows is not None}
+        none = (np.full(len(mesh.polygons.corners), -1) for mesh in self._meshes)
+        corners = [missing if rows is None else rows[1] for rows, missing in zip(found, none, strict=True)]
+        starts, normals, renewed = self._renewed_tables(tables, enumerate(corners))
+        for number, start in starts.items():
+            here, mesh = slice(start, start + len(tables[number])), self._meshes[number]
+            if renewed[here].any():
+                mixed = np.where(renewed[here, None], normals[here], tables[number])
+                put(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of other layers and of textures, which are not changed."""

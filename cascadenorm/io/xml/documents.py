@@ -1,7 +1,4 @@
-"""XML documents as elements with known byte positions.
-
-Single numbers can therefore be replaced without any other change.
-"""
+"""XML documents as elements with known byte positions, so that numbers can be replaced without other changes."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -19,10 +16,7 @@ Edit = tuple[int, int, bytes]
 
 
 class Element:
-    """An element of a document.
-
-    Its name is without namespace; names of attributes in another namespace are preceded by it and a space.
-    """
+    """An element: its name without namespace, and attributes, with a namespace and a space if they have one."""
 
     def __init__(self, data: bytes, name: str, attributes: dict[str, str], at: int) -> None:
         self.name, self.attributes, self.children = name, attributes, list[Element]()

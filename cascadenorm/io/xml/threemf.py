@@ -58,7 +58,7 @@ class Model:
         try:
             parse(data, self._start, self._end)
             for found in self.objects.values():
-                found.triangles  # noqa: B018 - may overflow
+                found.polygons  # noqa: B018 - may overflow
         except KeyError as error:
             raise ReadError(f"an element of this 3mf file lacks the attribute {error}: export the file again") from None
         except OverflowError:
@@ -113,10 +113,15 @@ class Object:
     corners: list[int] = field(default_factory=list)  # three numbers for each triangle
     components: list[Use] = field(default_factory=list)
 
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """(k, 3), after the model is parsed."""
+        return np.array(self.coordinates).reshape(-1, 3)
+
     @cached_property
-    def triangles(self) -> NDArray[np.int64]:
-        """(m, 3) corners, after the model is parsed."""
-        return np.array(self.corners, np.int64).reshape(-1, 3)
+    def polygons(self) -> Polygons:
+        """The triangles, after the model is parsed."""
+        return Polygons.from_rows(np.array(self.corners, np.int64).reshape(-1, 3))
 
 
 class ThreemfFile(MeshFile):
@@ -141,9 +146,7 @@ class ThreemfFile(MeshFile):
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         digits = max(found.digits for _, found in self._objects)
-        coordinates = (np.array(found.coordinates).reshape(-1, 3) for _, found in self._objects)
-        meshes = zip(coordinates, (Polygons.from_rows(found.triangles) for _, found in self._objects), strict=True)
-        positions, polygons, *_ = joined([Shown(*mesh) for mesh in meshes])
+        positions, polygons, *_ = joined([Shown(found.vertices, found.polygons) for _, found in self._objects])
         return as_short(positions, digits), polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
@@ -163,7 +166,7 @@ class ThreemfFile(MeshFile):
     def face_labels(self) -> list[Labels]:
         """Return the names of objects."""
         objects = [found for _, found in self._objects]
-        return [Labels.of_parts("object", [one.name for one in objects], [len(one.triangles) for one in objects])]
+        return [Labels.of_parts("object", [one.name for one in objects], [len(one.polygons) for one in objects])]
 
     def _read_content(self) -> Content:
         number = {reference: row for row, (reference, _) in enumerate(self._objects)}
@@ -174,8 +177,8 @@ class ThreemfFile(MeshFile):
             return found.components if found else []
 
         def nbytes(reference: Reference) -> int:
-            row = number.get(reference)
-            return 0 if row is None else self._nbytes(row)
+            found = self._objects[number[reference]][1] if reference in number else None
+            return 24 * (len(found.places) + len(found.polygons)) if found else 0
 
         build = self._models[self._root].build if self._root in self._models else []
         places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in number]
@@ -187,14 +190,9 @@ class ThreemfFile(MeshFile):
             left_out.append("objects that the build does not contain")
         return Content(*joined(shown), left_out=tuple(left_out))
 
-    def _nbytes(self, row: int) -> int:
-        found = self._objects[row][1]
-        return 24 * (len(found.places) + len(found.triangles))
-
     def _shape(self, row: int) -> Shown:
         first, found = self._first[row], self._objects[row][1]
-        positions = self.positions[first : first + len(found.places)]
-        return Shown(positions, Polygons.from_rows(found.triangles))
+        return Shown(self.positions[first : first + len(found.places)], found.polygons)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
