@@ -105,10 +105,7 @@ def _version(system: Any, path: str) -> str:
 
 
 def put(folder: Path, url: str) -> None:
-    """Upload the files of a folder to the folder of a URL, the named one last, so that it never appears incomplete.
-
-    Raises OutputError if the upload fails.
-    """
+    """Upload a folder to that of a URL, the named file last, so that it is never incomplete. Raises OutputError."""
     check_writable(url)
     with _explained(url, OutputError, "written"):
         system, path = _opened(url)

@@ -97,10 +97,7 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
 
 
 def required_folder(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
-    """Return the current folder if workers must run in it, or None if all file names are absolute.
-
-    The places are files, folders or patterns; among the values, those that name existing files count.
-    """
+    """Return the current folder if workers must run in it: a place or an existing named file is relative."""
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
     absolute = all(os.path.isabs(name) for name in [*places, *files])
     return None if absolute else os.getcwd()

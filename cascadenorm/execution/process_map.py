@@ -1,7 +1,4 @@
-"""Process items in several processes, each with one thread.
-
-This module uses concurrent.futures, because processes of joblib print tracebacks on Ctrl-C and outlive a killed parent.
-"""
+"""Process items in several processes of concurrent.futures; those of joblib print tracebacks on Ctrl-C."""
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor

@@ -45,10 +45,7 @@ class Worker(Generic[Sent, Received]):
             self.link.close()
 
     def receive(self) -> Received:
-        """Wait for the next answer.
-
-        Raises WorkerError if the process has ended, or if its answer cannot be unpickled.
-        """
+        """Wait for the next answer. Raises WorkerError if the process has ended or the answer cannot be unpickled."""
         try:
             found: Received = self.link.recv()
         except (EOFError, OSError):

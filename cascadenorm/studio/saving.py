@@ -62,10 +62,7 @@ def save(
 
 
 def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
-    """Return the result of `save` with the bytes of the file, or of a ZIP file if other files belong to it.
-
-    `files` lists the names of all files.
-    """
+    """Return the result of `save` with the bytes of the file, or of a ZIP file, and the names of all `files`."""
     with TemporaryDirectory() as folder:
         done = save(bench, settings, Path(folder) / name, listener, force=False)
         files = sorted(path for path in Path(folder).rglob("*") if path.is_file())

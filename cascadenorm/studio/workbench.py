@@ -61,10 +61,7 @@ class Steps(NamedTuple):
 
 
 def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes:
-    """Return the JSON of a scene, or of the part that completes one.
-
-    `faces` is the number of faces of the mesh that coarse ones approximate, which the viewer then shows.
-    """
+    """Return the JSON of a scene; `faces` is the number of faces of the mesh that coarse ones approximate."""
     meshes = [mesh if faces is None else {**mesh, "faces": faces} for mesh in scene["meshes"]]
     return json.dumps({**scene, "meshes": meshes}, separators=(",", ":"), allow_nan=False).encode()
 
@@ -218,10 +215,7 @@ class Workbench:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
 
     def _steps_of(self, asked: Chosen) -> Steps:
-        """Return the known results of these settings: another strength only blends them.
-
-        The results of other settings are dropped, and of strengths above 1 all but the last.
-        """
+        """Return the known results of these settings, of which strengths are blends; others are dropped."""
         others = {name: value for name, value in asked.given.items() if name != "strength"}
         key = self._key({"method": asked.method.name, "parameters": asked.parameters, "controls": others})
         if key != self._steps_key:

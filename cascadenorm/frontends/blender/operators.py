@@ -46,7 +46,7 @@ class Working(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Do the work and return when it is done."""
         try:
-            self.finish(context, self.prepare(context)(_nobody))
+            self.finish(context, self.prepare(context)(lambda fraction: None))
         except CascadenormError as error:
             self.report({"ERROR"}, error.message(label))
             return {"CANCELLED"}
@@ -201,7 +201,3 @@ def _denoised(
         listener(begin + length * fraction)
 
     return surface.positions_of(denoise(surface.vertices, surface.faces, progress=listen, **settings))
-
-
-def _nobody(fraction: float) -> None:
-    """Ignore the progress."""

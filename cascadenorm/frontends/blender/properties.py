@@ -70,10 +70,7 @@ def parameters_of(method: str) -> list[Property]:
 
 
 def chosen(settings: Any) -> dict[str, Any]:
-    """Return the settings of an operator or an object as keyword arguments of `denoise`, except mask and creases.
-
-    Raises ParameterError for a text that its setting does not accept, or a number out of range.
-    """
+    """Return settings as arguments of `denoise`, except mask and creases. Raises ParameterError for invalid ones."""
     values = {}
     for property in _generic():
         name = identifier(property)
