@@ -40,16 +40,6 @@ class MeshFile(ABC):
         Folder of the files that it references; None if it was read from a stream.
     parts
         (k,) number of the coordinate frame of each position. None if all share one frame.
-    triangles
-        (m, 3) triangulated polygons.
-    welds
-        (k,) the vertex of `mesh` that each position is a copy of.
-    mesh
-        n vertices and m triangles; n < k if the file splits vertices at seams or for each face.
-    left_out
-        (m,) the triangles that `mesh` does not contain. All False unless the file comes from `isolating`.
-    bad_vertices
-        (n,) the vertices that are not finite. `isolating` puts them at the origin; otherwise `mesh` raises MeshError.
     """
 
     format: ClassVar[str]
@@ -125,7 +115,7 @@ class MeshFile(ABC):
         return here._read_content().without_out_of_range()
 
     def face_labels(self) -> list[Labels]:
-        """Return labels of the polygons: properties, materials, groups; a kind occurs twice if faces have two."""
+        """Return the labels of the polygons, such as properties and materials. A kind may occur more than once."""
         properties = self._read_content().face_values
         labels = [Labels(name, *np.unique(v, return_inverse=True)) for name, v in properties.items()]
         return [label for label in labels if label.of_faces.shape == (len(self.polygons),)]
@@ -174,7 +164,7 @@ class MeshFile(ABC):
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The triangles with closed seams. Raises MeshError if the file does not describe a valid mesh."""
+        """The m triangles, with n <= k vertices, since seams are closed. Raises MeshError if it would not be valid."""
         if self._isolates:
             return isolated(self._at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons):
@@ -207,7 +197,7 @@ class MeshFile(ABC):
 
     @property
     def bad_vertices(self) -> NDArray[np.bool_]:
-        """(n,) the vertices that are not finite."""
+        """(n,) the vertices that are not finite; `isolating` puts them at the origin."""
         return bad_vertices(self._at_vertices(self._read_positions))
 
     @cached_property

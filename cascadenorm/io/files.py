@@ -23,7 +23,7 @@ from cascadenorm.io.atomic import (
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.gltf.glb import GlbFile
-from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
+from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.libraries import is_installed
 from cascadenorm.io.neuroimaging import EXTENSIONS as FREESURFER
 from cascadenorm.io.neuroimaging import MAGIC as FREESURFER_MAGIC
@@ -183,9 +183,9 @@ def _lost(file: MeshFile) -> list[str]:
     return list(file.moving_loses) if file.moving_loses and file.has_moved else []
 
 
-def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[str]]:
+def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfFile, list[str]]:
     """Return a file that supports additional faces, PLY for most formats, and what it lacks, in words."""
-    if isinstance(file, PlyFile | ObjFile | GltfContainer):
+    if isinstance(file, PlyFile | ObjFile | GltfFile):
         return file, []
     pieces, lost = _encoded(file, PlyFile)
     return PlyFile(b"".join(pieces)), lost

@@ -35,7 +35,7 @@ LABEL_KEYWORDS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
 class ObjFile(MeshFile):
-    """An OBJ file. All but positions, float64, and normals is kept; normals of creases are recomputed per side."""
+    """An OBJ file. Everything but positions and normals is kept, and creases too. Positions are float64."""
 
     format = "obj"
     counts_from = 1

@@ -60,7 +60,6 @@ class TrimeshFile(MeshFile):
         raise OutputError(f"the format '{self.format}' cannot be written: choose ply, obj or glb")
 
     def content(self) -> Content:
-        """Return the content that other formats can store."""
         return (self._moved() if self.has_moved else self)._read_content().without_out_of_range()
 
     def _read_content(self) -> Content:

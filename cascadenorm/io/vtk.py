@@ -4,7 +4,7 @@ import copy
 import math
 import re
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -68,26 +68,12 @@ class MeshioFile(MeshFile):
     def _moved_pieces(self) -> Iterable[Piece]:
         grid = copy.deepcopy(self._grid)
         grid.points = self.positions
-        for name in NORMALS:
-            values = grid.point_data.get(name)
-            if values is not None and values.shape == self.positions.shape:
-                normals, _ = self._renewed(Normals(values, self.triangles))
-                grid.point_data[name] = normals.astype(values.dtype)
-            if name in grid.cell_data:
-                grid.cell_data[name] = self._renewed_cell_normals(grid.cell_data[name])
-        return [_written(grid, self.module, self.format, self._options())]
 
-    def _renewed_cell_normals(self, blocks: list[Any]) -> list[Any]:
-        """Return cell normals, one block for each block of cells."""
-        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
-        if any(np.ndim(blocks[i]) != 2 or np.shape(blocks[i])[1] != 3 for i in faces):
-            return blocks
-        corners = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
-        stored = np.concatenate([np.asarray(blocks[i], np.float64) for i in faces])
-        normals, _ = self._renewed(Normals(stored, corners))
-        ends = np.cumsum([len(blocks[i]) for i in faces])[:-1]
-        new = dict(zip(faces, np.split(normals, ends), strict=True))
-        return [new[i].astype(block.dtype) if i in new else block for i, block in enumerate(blocks)]
+        def renew(values: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
+            return self._renewed(Normals(values, corners))[0].astype(values.dtype)
+
+        renew_normals(grid, self.triangles, self.triangle_polygons, renew)
+        return [_written(grid, self.module, self.format, self._options())]
 
     def _options(self) -> dict[str, Any]:
         """Return the options that write the file as it was read."""
@@ -181,3 +167,27 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
         with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"):
             getattr(meshio, module).write(path, grid, **options)
         return path.read_bytes()
+
+
+def renew_normals(
+    mesh: Any,
+    triangles: NDArray[Any],
+    owners: NDArray[Any],
+    renew: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
+) -> None:
+    """Recompute the normals of a meshio mesh, in place, at the corners of the triangles that its faces consist of.
+
+    `renew` converts normals and their index at each corner, the point in `triangles` or the face in `owners`.
+    """
+    faces = [i for i, block in enumerate(mesh.cells) if block.type in FACE_CELLS]
+    for name in NORMALS:
+        values = mesh.point_data.get(name)
+        if values is not None and np.shape(values) == np.shape(mesh.points):
+            mesh.point_data[name] = renew(np.asarray(values), triangles)
+        blocks = mesh.cell_data.get(name)
+        if blocks is not None and faces and all(np.ndim(blocks[i]) == 2 and np.shape(blocks[i])[1] == 3 for i in faces):
+            stored = np.concatenate([np.asarray(blocks[i]) for i in faces])
+            normals = renew(stored, np.repeat(owners[:, None], 3, axis=1))
+            ends = np.cumsum([len(blocks[i]) for i in faces])[:-1]
+            for i, new in zip(faces, np.split(normals, ends), strict=True):
+                blocks[i] = new.astype(np.asarray(blocks[i]).dtype)

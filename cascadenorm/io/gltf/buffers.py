@@ -18,11 +18,7 @@ EMBEDDED = "data:application/octet-stream;base64,"
 
 
 class Buffers:
-    """The buffers that contain vertices, concatenated in `data` in the order in which they are requested.
-
-    They are `declared` as in the document. The chunk is the buffer in a GLB file. The folder is that of buffers in
-    separate files; None for a stream.
-    """
+    """The buffers with vertices, concatenated in `data` as they are requested; `folder` is None for a stream."""
 
     def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:
         for number, part in enumerate(declared):

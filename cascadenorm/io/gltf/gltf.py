@@ -5,7 +5,6 @@ to the moved vertices as before.
 """
 
 import copy
-from abc import abstractmethod
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
@@ -21,9 +20,8 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
-from cascadenorm.io.gltf.document import check_lists, document_of, encoded, parsed
+from cascadenorm.io.gltf.document import check_lists, content_of, document_of, encoded, parsed
 from cascadenorm.io.gltf.patching import Patching
-from cascadenorm.io.gltf.scene import content_of
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
@@ -36,21 +34,25 @@ COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh
 would not change what is shown."""
 
 
-class GltfContainer(MeshFile):
-    """A glTF document with any number of meshes, in one of its containers. Positions are float32."""
+class GltfFile(MeshFile):
+    """A glTF document with any number of meshes, in JSON with embedded or separate buffers. Positions are float32."""
 
-    @abstractmethod
+    format = "gltf"
+
     def _unpacked(self) -> tuple[bytes, Piece | None]:
         """Return the JSON, and the buffer in the container, if there is one. Raises ReadError."""
+        return self.data, None
 
-    @abstractmethod
     def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
         """Return the container with other JSON and another buffer, in pieces."""
+        return [text]
 
     @classmethod
-    @abstractmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
         """Return a container, in pieces, for a document and its first buffer if that has no content of its own."""
+        if chunk is not None:
+            document["buffers"][0]["uri"] = embedded(chunk)
+        return [encoded(document)]
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
@@ -234,7 +236,6 @@ class GltfContainer(MeshFile):
         return {**{names[number]: [content] for number, content in buffers.items()}, path: pieces}
 
     def may_write(self, path: Path) -> list[Path]:
-        """Return the paths that `files` may return, also for other positions."""
         return [*self._buffer_names(path).values(), path]
 
     def _buffer_names(self, path: Path) -> dict[int, Path]:
@@ -275,7 +276,7 @@ class GltfContainer(MeshFile):
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
         """Return this file in the other container without loss, or None for other formats."""
-        if not issubclass(kind, GltfContainer):
+        if not issubclass(kind, GltfFile):
             return None
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         document, chunk = copy.deepcopy(here._document), None
@@ -285,7 +286,7 @@ class GltfContainer(MeshFile):
             document["buffers"][0].pop("uri", None)
         return kind(b"".join(kind._made(document, chunk)), self.folder)
 
-    def with_patches(self, patches: HolePatches) -> "GltfContainer":
+    def with_patches(self, patches: HolePatches) -> "GltfFile":
         """Return this file with an additional primitive for each patch, with the mesh and material of its surroundings.
 
         Texture coordinates, colours and other values are interpolated from the surroundings. If a patch crosses a seam
@@ -336,21 +337,3 @@ def _explained() -> AbstractContextManager[None]:
     """Convert errors from documents of an unexpected form to ReadError."""
     problem = "the JSON of this file is not valid glTF 2"
     return explained(problem, hint="export the file again", said=lambda error: f"{type(error).__name__}, {error}")
-
-
-class GltfFile(GltfContainer):
-    """A glTF file in JSON, with embedded or separate buffers."""
-
-    format = "gltf"
-
-    def _unpacked(self) -> tuple[bytes, Piece | None]:
-        return self.data, None
-
-    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
-        return [text]
-
-    @classmethod
-    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
-        if chunk is not None:
-            document["buffers"][0]["uri"] = embedded(chunk)
-        return [encoded(document)]

@@ -52,7 +52,6 @@ class Text:
         return 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
 
     def word(self, index: int) -> bytes:
-        """Return a word."""
         return self.data[int(self.starts[index]) : int(self.ends[index])]
 
     def significant_digits(self, words: Offsets) -> int:

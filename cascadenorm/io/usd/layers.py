@@ -66,7 +66,6 @@ def opened(files: Mapping[str, bytes]) -> Layers:
 
 
 def copied(layer: Any) -> Any:
-    """Return an independent copy of a layer."""
     from pxr import Sdf
 
     copy = Sdf.Layer.CreateAnonymous(".usda")

@@ -31,7 +31,7 @@ PRIM = 1000
 
 
 def content_of(layers: Layers, size: int) -> Content:
-    """Return the meshes that a scene of layers, the first of which is the root, shows; `size` is in bytes."""
+    """Return the meshes that a scene shows, whose root is the first layer, reading nothing else; `size` is in bytes."""
     from pxr import Usd
 
     inside, outside = without_files_outside(layers)

@@ -108,12 +108,10 @@ class UsdFile(MeshFile):
         return dict.fromkeys(references(self._layers[next(iter(self._layers))]), False)
 
     def face_labels(self) -> list[Labels]:
-        """Return the names of meshes."""
         sizes = [len(mesh.polygons) for mesh in self._meshes]
         return [Labels.of_parts("mesh", [mesh.prim.name for mesh in self._meshes], sizes)]
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
-        """Return this layer in another layer format without loss, or None for other formats."""
         if not issubclass(kind, UsdFile) or UsdzFile in (kind, type(self)):
             return None
         layer = self._moved().get(next(iter(self._layers)), next(iter(self._layers.values())))

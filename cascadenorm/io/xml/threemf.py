@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import ZipFile, ZipInfo
 
 import numpy as np
@@ -36,13 +36,8 @@ SAMPLE = 1000
 
 Reference = tuple[str, str]
 """Model and id of an object."""
-
-
-class Use(NamedTuple):
-    """An object as part of another one or of the build."""
-
-    object: Reference
-    matrix: Matrix
+Use = tuple[Reference, Matrix]
+"""An object as part of another one or of the build, with its transform."""
 
 
 class Model:
@@ -99,7 +94,7 @@ class Model:
             if numbers.shape != (12,):
                 raise ReadError("a transform of this 3mf file has not 12 numbers: export the file again")
             matrix[:3] = numbers.reshape(4, 3).T
-        return Use((attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix)
+        return (attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix
 
 
 @dataclass
@@ -164,7 +159,6 @@ class ThreemfFile(MeshFile):
         return [_repacked(self.data, new)]
 
     def face_labels(self) -> list[Labels]:
-        """Return the names of objects."""
         objects = [found for _, found in self._objects]
         return [Labels.of_parts("object", [one.name for one in objects], [len(one.polygons) for one in objects])]
 
