@@ -42,7 +42,6 @@ class Json(JSONResponse):
     """JSON in ASCII, which can also hold file names that are not valid Unicode."""
 
     def render(self, content: Any) -> bytes:
-        """Return the bytes of the response."""
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
@@ -55,7 +54,6 @@ class Application:
         self._saved: list[str] = []
 
     def routes(self) -> list[Route]:
-        """Return the routes."""
         asked: dict[str, tuple[str, Handler]] = {
             "/api/form": ("GET", self.form),
             "/api/events": ("GET", self.events),
@@ -164,7 +162,6 @@ class Application:
         self._session.denoise(_of(given), str(given.get("ticket", ""))[:MOST_TICKET])
 
     async def cancel(self, _: Request) -> None:
-        """Cancel denoising."""
         self._session.cancel()
 
     async def recipe(self, request: Request) -> dict[str, Any]:

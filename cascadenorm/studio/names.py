@@ -33,7 +33,6 @@ LABELS = {
 
 
 def label(name: str) -> str:
-    """Return the form's label of a setting."""
     return LABELS.get(name, name.replace("_", " ").capitalize())
 
 

@@ -104,7 +104,6 @@ class Session:
 
     @property
     def has_pages(self) -> bool:
-        """Whether a page is open."""
         return bool(self._pages)
 
     @property

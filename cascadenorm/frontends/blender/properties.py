@@ -65,7 +65,6 @@ def label(name: str, value: object = None) -> str:
 
 
 def parameters_of(method: str) -> list[Property]:
-    """Return the parameters of a method."""
     return [property for property in _generic() if property.method == method]
 
 
