@@ -106,7 +106,6 @@ class ClusterProcesses:
         return list(self._members.values())[: self._count]
 
     def begin(self, place: Place, task: Task, threads: int) -> None:
-        """Start processing a file."""
         assert isinstance(place, Member)
         future = self._submit(place.address, do, place.process, self._work, task, threads)
         self._busy[task.job] = place, future

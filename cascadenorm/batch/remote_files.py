@@ -79,11 +79,7 @@ def exists(url: str) -> bool:
 
 
 def fetched(url: str, folder: Path) -> Path:
-    """Download a file into a local folder and return its path.
-
-    Raises ReadError if the download failed, and ChangedError if the file was replaced during the download; because
-    large files arrive in parts, the copy may mix both versions.
-    """
+    """Download a file and return its path. Raises ReadError, or ChangedError if it was replaced meanwhile."""
     target = folder / file_name(url)
     folder.mkdir(parents=True, exist_ok=True)
     with _explained(url, ReadError, "read"):

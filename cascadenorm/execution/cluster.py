@@ -16,9 +16,9 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import MissingDependencyError, ParameterError, WorkerError
-from cascadenorm.execution.child_processes import interrupts_blocked
 from cascadenorm.execution.memory import USABLE_FRACTION, available_memory
 from cascadenorm.execution.process_map import Map, use_map
+from cascadenorm.execution.worker_processes import interrupts_blocked
 from cascadenorm.version import __version__
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
 
 
 def required_folder(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:
-    """Return the current folder if workers must run in it: a place or an existing named file is relative."""
+    """Return the current folder if a place, or an existing file among the values, has a relative name; else None."""
     files = [value for value in values if isinstance(value, str | PathLike) and os.path.exists(value)]
     absolute = all(os.path.isabs(name) for name in [*places, *files])
     return None if absolute else os.getcwd()
