@@ -1,8 +1,4 @@
-"""The manifest of a batch, an append-only file of JSON lines.
-
-Each change of a file's status adds a line. A file is `started`, then `done` or `failed`, and its last line counts. A
-file that was started but never ended was interrupted.
-"""
+"""The manifest of a batch: JSON lines, of which the last one of a file counts, `started`, `done` or `failed`."""
 
 import json
 import sys

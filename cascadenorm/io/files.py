@@ -164,11 +164,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 
 
 def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]], *, force: bool) -> None:
-    """Write a file, its parts, and the files that it references.
-
-    If a part already exists, the file references a temporary copy until the part is replaced. It therefore never
-    references an outdated part or a part of another file.
-    """
+    """Write a file, its parts and referenced files; it never references an old part, but a temporary copy."""
     files, aside = file.files(path), dict[Path, Iterable[Piece]]()
     if any(part.exists() for part in files if part != path):
         aside = file.files(path, part_name=unfinished_name("{}", path))

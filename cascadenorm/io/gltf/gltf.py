@@ -1,8 +1,4 @@
-"""glTF 2: replace positions and normals in the buffers and keep everything else.
-
-Positions are those of the meshes themselves, before the transforms of nodes. Skins, morph targets and animations apply
-to the moved vertices as before.
-"""
+"""glTF 2: replace positions and normals, as they are before the transforms of nodes, and keep everything else."""
 
 import copy
 from collections.abc import Iterable
@@ -263,14 +259,11 @@ class GltfFile(MeshFile):
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""
         sizes, labels = [len(p.triangles) for p in self._primitives], list[Labels]()
-        numbers: dict[str, list[int | None]] = {
-            "mesh": [p.mesh for p in self._primitives],
-            "material": [p.material for p in self._primitives],
-        }
         with _explained():
             for kind, declared in ("mesh", "meshes"), ("material", "materials"):
                 parts = self._document.get(declared, [])
-                names = ["" if n is None else parts[n].get("name", "") for n in numbers[kind]]
+                numbers = [getattr(p, kind) for p in self._primitives]
+                names = ["" if number is None else parts[number].get("name", "") for number in numbers]
                 labels.append(Labels.of_parts(kind, names, sizes))
         return labels
 

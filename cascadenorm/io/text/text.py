@@ -58,8 +58,7 @@ class Text:
         """Return the largest number of significant digits in a sample of about a thousand of the words."""
         sample = words[:: max(1, len(words) // 1000)]
         places = zip(self.starts[sample].tolist(), self.ends[sample].tolist(), strict=True)
-        mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
-        return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
+        return max((digits_of(self.data[start:end]) for start, end in places), default=0)
 
     def columns(self, lines: Offsets, count: int, *, start: int = 1) -> Offsets:
         """Return `count` words of each line from number `start` on, (l, count). Raises ReadError if there are fewer."""
@@ -119,6 +118,11 @@ class Text:
                 f"line {self.line_number(start)}: {_shown(word)} is not a number: "
                 "correct this line, or export the file again"
             ) from None
+
+
+def digits_of(word: bytes) -> int:
+    """Return the number of significant digits of a number."""
+    return len(re.sub(rb"\D", b"", re.split(rb"[eE]", word)[0]).strip(b"0"))
 
 
 def as_short(values: NDArray[Any], digits: int) -> NDArray[Any]:

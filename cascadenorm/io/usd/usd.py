@@ -1,8 +1,4 @@
-"""USD files: replace points and normals in their layers and keep everything else.
-
-Points are those of the meshes themselves, before the transforms of the scene. Each mesh of a layer is moved once, even
-if the scene shows it several times. Layers in other files are not read.
-"""
+"""USD files: replace points and normals, as they are before the transforms of the scene, and keep all else."""
 
 from collections.abc import Iterable
 

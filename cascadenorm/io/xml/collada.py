@@ -1,8 +1,4 @@
-"""COLLADA: replace coordinates and normals in place and keep everything else.
-
-Positions are those of the geometries themselves, before the transforms of nodes. Each geometry is moved once, even if
-several nodes show it.
-"""
+"""COLLADA: replace coordinates and normals, as they are before the transforms of nodes, and keep all else."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple

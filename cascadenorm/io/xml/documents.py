@@ -63,11 +63,7 @@ class Element:
 
 
 def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: Callable[[str, int], None]) -> None:
-    """Call functions at the start and the end of each element. Raises ReadError for invalid XML.
-
-    `start` gets the name, preceded by its namespace and a space, the attributes, and the byte offset of the element;
-    `end` gets the name and the byte offset of the end tag.
-    """
+    """Call `start` with the full name, attributes and offset of each element, and `end` with its name and offset."""
     if data.startswith(UTF_16):
         raise ReadError("the XML of this file is UTF-16, which is not supported: save it as UTF-8")
     parser = expat.ParserCreate(namespace_separator=" ")

@@ -1,11 +1,6 @@
-"""3MF: replace coordinates in the models of the archive and keep everything else.
-
-Positions are those of the objects themselves, before the transforms of components and of the build. Each object is
-moved once, even if several others contain it.
-"""
+"""3MF: replace coordinates, as they are before the transforms of the build, and keep everything else."""
 
 import posixpath
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,7 +17,7 @@ from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
-from cascadenorm.io.text.text import as_short
+from cascadenorm.io.text.text import as_short, digits_of
 from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
@@ -72,7 +67,7 @@ class Model:
             words = attributes["x"], attributes["y"], attributes["z"]
             into.coordinates += map(float, words)
             if len(into.places) < SAMPLE:
-                into.digits = max(into.digits, *map(_digits, words))
+                into.digits = max(into.digits, *(digits_of(word.encode()) for word in words))
         elif name == "triangle" and into is not None:
             into.corners += (int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]))
         elif name == "object":
@@ -202,11 +197,6 @@ class ThreemfFile(MeshFile):
                 entry.compress_type = 8
                 archive.writestr(entry, data)
         return [made.getvalue()], content.lost_as_triangles(single=False)
-
-
-def _digits(word: str) -> int:
-    """Return the number of significant digits of a number."""
-    return len(re.sub(r"\D", "", re.split("[eE]", word)[0]).strip("0"))
 
 
 def _root_of(relations: bytes, names: list[str]) -> str:
