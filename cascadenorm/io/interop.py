@@ -138,7 +138,9 @@ def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
         moved.GetPoints().SetData(vtk_of(np.ascontiguousarray(vertices), deep=True))
     points, triangles = _vtk_arrays(mesh)
     faces = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
-    polydata.renew_normals(moved, 0, triangles, faces, lambda *normals: _renewed(*normals, points, triangles, vertices))
+    polydata.renew_normals(
+        moved, 0, triangles, faces, lambda values, corners: _renewed(values, corners, points, triangles, vertices)
+    )
     return moved
 
 
