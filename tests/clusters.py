@@ -10,7 +10,7 @@ import pytest
 from batches import START
 
 from cascadenorm.batch import cluster_processes
-from cascadenorm.execution import cluster_map
+from cascadenorm.execution import cluster
 
 PATIENCE = 600.0
 """Seconds that the tests wait for workers, since machines under load are slow.
@@ -59,7 +59,7 @@ def started(folder: Path, silent: str = "365 days") -> Iterator[tuple[str, subpr
 def patient() -> Iterator[None]:
     """Wait longer for workers."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (cluster_map, cluster_processes):
+        for module in (cluster, cluster_processes):
             patch.setattr(module, "WORKER_TIMEOUT_S", PATIENCE)
         yield
 

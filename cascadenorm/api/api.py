@@ -206,7 +206,7 @@ def denoise_file_with_meshes(
     chosen.checked(given)
     if scheduler is not None and memory is None:
         raise ParameterError("works on patches", parameter="scheduler", hint="give memory too, that of a worker")
-    limit = None if memory is None else parse_bytes("memory", memory)
+    limit = None if memory is None else parse_bytes(memory)
     if limit is not None:
         check_works_in_patches(chosen, given)
     with limit_threads(every["threads"]):

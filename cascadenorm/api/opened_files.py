@@ -22,9 +22,8 @@ from cascadenorm.errors import MissingDependencyError, OutputError, ParameterErr
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
-from cascadenorm.io.files import beside, check_extension, check_target
+from cascadenorm.io.files import beside, check_extension, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
-from cascadenorm.io.urls import is_url
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
 from cascadenorm.mesh import (
     Mesh,

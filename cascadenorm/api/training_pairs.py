@@ -9,7 +9,7 @@ import numpy as np
 from cascadenorm.data_gen import OWN_FAMILY, DatasetConfig, Pair, own_pair, write_dataset
 from cascadenorm.data_gen.dataset import training_patches
 from cascadenorm.errors import MissingDependencyError
-from cascadenorm.execution.cluster_map import use_cluster
+from cascadenorm.execution.cluster import use_cluster
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name

@@ -1,7 +1,4 @@
-"""Denoise many files in worker processes and resume interrupted batches.
-
-A file that fails does not stop the others.
-"""
+"""Denoise many files in worker processes and resume interrupted batches; a failure does not stop the others."""
 
 from __future__ import annotations
 
@@ -33,7 +30,7 @@ from cascadenorm.execution.memory import USABLE_FRACTION, available_memory, pars
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
-from cascadenorm.io.urls import is_url
+from cascadenorm.io.files import is_url
 from cascadenorm.mesh import thread_count
 
 if TYPE_CHECKING:
@@ -147,7 +144,7 @@ def denoise_files(
     if watch is None:
         check_sources(sources, folder, jobs)
     processes = _started(settings, here, workers, scheduler, [*listed(sources), output])
-    with closing(processes), closing(Manifest(record.parent, record.name)) as lines:
+    with closing(processes), closing(Manifest(record)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
         if watch is None:
             run.all(jobs)
@@ -200,7 +197,7 @@ def _this_machine(workers: int | None, threads: int | None, memory: str | int | 
         if given[name] is not None:
             raise ParameterError("is for this machine: workers of a cluster have limits of their own", parameter=name)
     cores = threads or thread_count()
-    budget = int(USABLE_FRACTION * available_memory()) if memory is None else parse_bytes("memory", memory)
+    budget = int(USABLE_FRACTION * available_memory()) if memory is None else parse_bytes(memory)
     return Place(cores, budget, workers or cores)
 
 

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
@@ -47,31 +47,24 @@ TOKEN = secrets.token_hex(8)
 """Identifies this process, as opposed to a later one at the same address."""
 
 
-class About(NamedTuple):
-    """Description that a worker gives of itself."""
-
-    process: str
-    version: str
-    folder: str
-    threads: int
-    memory: int
-
-
 @dataclass(eq=False)
 class Member(Place):
-    """A worker of the cluster, as a place with one process."""
+    """A worker of the cluster, as a place with one process, with its version and current folder."""
 
     address: str = ""
     process: str = ""
+    version: str = ""
+    folder: str = ""
 
 
-def about() -> About:
-    """Describe the worker that runs this function."""
+def about(address: str) -> Member:
+    """Describe the worker that runs this function, at an address."""
     from distributed import get_worker
 
     worker = get_worker()
     limit = worker.memory_manager.memory_limit or available_memory()
-    return About(TOKEN, __version__, os.getcwd(), worker.state.nthreads, int(MEMORY * limit))
+    threads, memory = worker.state.nthreads, int(MEMORY * limit)
+    return Member(threads, memory, 1, address=address, process=TOKEN, version=__version__, folder=os.getcwd())
 
 
 def do(process: str, work: Work, task: Task, threads: int) -> Outcome:
@@ -99,7 +92,7 @@ class ClusterProcesses:
         self._client: Client = self._stack.enter_context(
             dask_client(scheduler, workers=here.processes, threads=threads, memory=memory)
         )
-        self._asked: dict[str, Future[About]] = {}
+        self._asked: dict[str, Future[Member]] = {}
         self._members: dict[str, Member] = {}
         self._refused: dict[str, str] = {}
         self._hung: set[str] = set()
@@ -113,17 +106,13 @@ class ClusterProcesses:
         return list(self._members.values())[: self._count]
 
     def begin(self, place: Place, task: Task, threads: int) -> None:
-        """Start processing a file."""
         assert isinstance(place, Member)
         future = self._submit(place.address, do, place.process, self._work, task, threads)
         self._busy[task.job] = place, future
         future.add_done_callback(lambda _: self._ready.put((task.job, future)))
 
     def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
-        """Wait for outcomes, at most until the next check of the available workers.
-
-        Raises WorkerError if the scheduler or all workers are unreachable.
-        """
+        """Wait for outcomes, at most until the next check of the workers. Raises WorkerError if all are unreachable."""
         found: list[tuple[Job, Outcome | WorkerError]] = []
         wait = POLL_INTERVAL_S if seconds is None else min(seconds, POLL_INTERVAL_S)
         try:
@@ -190,7 +179,7 @@ class ClusterProcesses:
         except Exception as error:  # connection errors
             raise self._without_scheduler(error) from None
         for address in here - {*self._asked, *self._members, *self._refused}:
-            self._asked[address] = self._submit(address, about)
+            self._asked[address] = self._submit(address, about, address)
         for address, future in list(self._asked.items()):
             if address not in here:
                 self._asked.pop(address).release()
@@ -202,19 +191,19 @@ class ClusterProcesses:
         self._check_in_use()
         return [(job, self._lost(job)) for job in lost]
 
-    def _meet(self, address: str, future: Future[About]) -> None:
+    def _meet(self, address: str, future: Future[Member]) -> None:
         """Accept a worker that has described itself, unless it cannot do the work."""
         try:
-            about = future.result(timeout=REPLY_TIMEOUT_S)
+            member = future.result(timeout=REPLY_TIMEOUT_S)
         except Exception as error:
             if future.status == "error":  # else the worker has left meanwhile
                 self._refused[address] = dask_message(error)
             return
-        reason = mismatch(about.version, __version__, about.folder, self._folder)
+        reason = mismatch(member.version, __version__, member.folder, self._folder)
         if reason is not None:
             self._refused[address] = f"it {reason}"
-        elif about.process not in self._hung:
-            self._members[address] = Member(about.threads, about.memory, 1, address=address, process=about.process)
+        elif member.process not in self._hung:
+            self._members[address] = member
 
     def _lost(self, job: Job) -> WorkerError:
         member, future = self._busy.pop(job)

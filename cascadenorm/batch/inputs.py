@@ -11,7 +11,7 @@ from typing import NamedTuple
 from cascadenorm.batch.remote_files import file_name, files_at, fixed_part, without_query
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
-from cascadenorm.io.urls import is_url
+from cascadenorm.io.files import is_url
 
 RESULT_NAME = "_denoised"
 """Suffix that `denoise` adds to the stem of a file name."""
@@ -32,16 +32,6 @@ class Job(NamedTuple):
     changed: int | str | None
 
 
-class _Found(NamedTuple):
-    """An existing file: its identity, its name as given, its path below the common folder, size and modification."""
-
-    identity: str
-    source: str
-    inside: str
-    size: int
-    changed: int | str | None
-
-
 def find_jobs(
     sources: Sources, folder: str | Path, format: str | None = None, *, skipped: list[str] | None = None
 ) -> list[Job]:
@@ -59,17 +49,21 @@ def find_jobs(
         raise ReadError("some sources are URLs and others are not: denoise them in separate batches")
     jobs: dict[str, Job] = {}
     left: list[str] = [] if skipped is None else skipped
-    for found in _remote(places, str(folder), left) if any(remote) else _local(places, Path(folder).resolve(), left):
-        if found.identity in jobs:
+    found = _remote(places, str(folder), left) if any(remote) else _local(places, Path(folder).resolve(), left)
+    for identity, job in found:
+        if identity in jobs:
             continue
-        inside = PurePath(found.inside) if format is None else PurePath(found.inside).with_suffix(f".{format}")
+        inside = PurePath(job.output) if format is None else PurePath(job.output).with_suffix(f".{format}")
         output = f"{folder}/{inside.as_posix()}" if is_url(folder) else str(Path(folder, inside))
-        jobs[found.identity] = Job(found.source, output, found.size, found.changed)
+        jobs[identity] = job._replace(output=output)
     return sorted(jobs.values(), key=lambda job: (-job.size, job.source))
 
 
-def _local(places: Sequence[str], results: Path, skipped: list[str]) -> Iterator[_Found]:
-    """Find local files; add results of `denoise` to `skipped`."""
+def _local(places: Sequence[str], results: Path, skipped: list[str]) -> Iterator[tuple[str, Job]]:
+    """Yield the identity of each local file and its job, whose output is the path below the common folder.
+
+    Results of `denoise` are added to `skipped`.
+    """
     base = _common([_fixed_part(place) for place in places])
     folders: dict[Path, Path] = {}
     left: list[str] = []
@@ -78,12 +72,12 @@ def _local(places: Sequence[str], results: Path, skipped: list[str]) -> Iterator
             folders[path.parent] = Path(os.path.realpath(path.parent))  # once per folder: network shares are slow
         real = Path(os.path.realpath(path)) if os.path.islink(path) else folders[path.parent] / path.name
         if results not in real.parents:
-            yield _Found(str(real), str(path), os.path.relpath(path.absolute(), base), *_state(path))
+            yield str(real), Job(str(path), os.path.relpath(path.absolute(), base), *_state(path))
     skipped += [name for name in dict.fromkeys(left) if results not in Path(os.path.realpath(name)).parents]
 
 
-def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator[_Found]:
-    """Find files at URLs; add results of `denoise` to `skipped`."""
+def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator[tuple[str, Job]]:
+    """Yield files at URLs like `_local`."""
     parts = [fixed_part(place).split("/") for place in places]
     shared = [names[0] for names in takewhile(lambda names: len(set(names)) == 1, zip(*parts, strict=False))]
     base = "/".join(shared)
@@ -99,7 +93,7 @@ def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator
                 skipped.append(file.url)
             elif file.url == place or is_mesh_name(Path(file_name(file.url))):
                 inside = without_query(file.url).removeprefix(f"{base}/")
-                yield _Found(file.url, file.url, inside, file.size, file.version)
+                yield file.url, Job(file.url, inside, file.size, file.version)
 
 
 def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:

@@ -1,18 +1,12 @@
-"""The manifest of a batch, an append-only file of JSON lines.
-
-Each change of a file's status adds a line. A file is `started`, then `done` or `failed`, and its last line counts. A
-file that was started but never ended was interrupted.
-"""
+"""The manifest of a batch: JSON lines, of which the last one of a file counts, `started`, `done` or `failed`."""
 
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from cascadenorm.errors import OutputError
-from cascadenorm.io.atomic import make_folder
+from cascadenorm.io.atomic import explained_writing, make_folder
 from cascadenorm.io.json_text import json_text
 
 if sys.platform != "win32":
@@ -24,20 +18,17 @@ Line = dict[str, Any]
 
 
 class Manifest:
-    """The manifest in a folder, open for new lines; lines that cannot be parsed, such as truncated ones, are ignored.
+    """The manifest of a batch, open for new lines. `last` is the last valid line of each output, by its name."""
 
-    `last` is the last line of each output, by output name.
-    """
-
-    def __init__(self, folder: Path, name: str = MANIFEST_NAME) -> None:
-        self.path = folder / name
+    def __init__(self, path: Path) -> None:
+        self.path = path
         self.last: dict[str, Line] = {}
-        make_folder(folder)
-        with self._explained():
+        make_folder(path.parent)
+        with explained_writing(self.path):
             self._file = self.path.open("ab+", buffering=0)
         try:
             self._lock()
-            with self._explained():
+            with explained_writing(self.path):
                 self._file.seek(0)
                 data = self._file.read()
                 if data and not data.endswith(b"\n"):
@@ -52,7 +43,7 @@ class Manifest:
 
     def add(self, line: Line) -> None:
         """Append a line in a single write."""
-        with self._explained():
+        with explained_writing(self.path):
             self._file.write(json_text(line).encode() + b"\n")
         self.last[line["output"]] = line
 
@@ -71,13 +62,6 @@ class Manifest:
             ) from None
         except OSError:  # the file system does not support locks
             return
-
-    @contextmanager
-    def _explained(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise OutputError(f"{self.path} cannot be written: {error.strerror or error}") from error
 
 
 def _parsed(text: bytes) -> Line | None:

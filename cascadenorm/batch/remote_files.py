@@ -63,8 +63,7 @@ def files_at(url: str) -> list[RemoteFile]:
     """
     if not WILDCARD.search(url) and "." in file_name(url):
         return [_file(url)]
-    with _explained(url, ReadError, "read"):
-        system, path = _opened(url)
+    with _reached(url, ReadError, "read") as (system, path):
         entries = system.glob(path, detail=True) if WILDCARD.search(url) else system.find(path, detail=True)
         files = {name: entry for name, entry in entries.items() if entry.get("type") != "directory"}
         found = [_described(system.unstrip_protocol(name), entry) for name, entry in files.items()]
@@ -73,21 +72,15 @@ def files_at(url: str) -> list[RemoteFile]:
 
 def exists(url: str) -> bool:
     """Test whether a file exists; raises ReadError if the server does not tell."""
-    with _explained(url, ReadError, "read"):
-        system, path = _opened(url)
+    with _reached(url, ReadError, "read") as (system, path):
         return bool(system.exists(path))
 
 
 def fetched(url: str, folder: Path) -> Path:
-    """Download a file into a local folder and return its path.
-
-    Raises ReadError if the download failed, and ChangedError if the file was replaced during the download; because
-    large files arrive in parts, the copy may mix both versions.
-    """
+    """Download a file and return its path. Raises ReadError, or ChangedError if it was replaced meanwhile."""
     target = folder / file_name(url)
     folder.mkdir(parents=True, exist_ok=True)
-    with _explained(url, ReadError, "read"):
-        system, path = _opened(url)
+    with _reached(url, ReadError, "read") as (system, path):
         before = _version(system, path)
         system.get_file(path, str(target))
         if _version(system, path) != before:
@@ -105,13 +98,9 @@ def _version(system: Any, path: str) -> str:
 
 
 def put(folder: Path, url: str) -> None:
-    """Upload the files of a folder to the folder of a URL, the named one last, so that it never appears incomplete.
-
-    Raises OutputError if the upload fails.
-    """
+    """Upload a folder to that of a URL, the named file last, so that it is never incomplete. Raises OutputError."""
     check_writable(url)
-    with _explained(url, OutputError, "written"):
-        system, path = _opened(url)
+    with _reached(url, OutputError, "written") as (system, path):
         for file in sorted(folder.iterdir(), key=lambda file: (file.name == file_name(url), file.name)):
             system.put_file(str(file), f"{path.rpartition('/')[0]}/{file.name}")
 
@@ -128,8 +117,7 @@ def check_writable(url: str) -> None:
 
 def _file(url: str) -> RemoteFile:
     """Describe one file; a missing one gets size 0, and reading it reports the error."""
-    with _explained(url, ReadError, "read"):
-        system, path = _opened(url)
+    with _reached(url, ReadError, "read") as (system, path):
         try:
             return _described(url, system.info(path))
         except FileNotFoundError:
@@ -165,10 +153,10 @@ def _options(url: str) -> dict[str, Any]:
 
 
 @contextmanager
-def _explained(url: str, kind: type[ReadError] | type[OutputError], what: str) -> Iterator[None]:
-    """Convert errors of file systems and servers; like disk errors, they count as temporary."""
+def _reached(url: str, kind: type[ReadError] | type[OutputError], what: str) -> Iterator[tuple[Any, str]]:
+    """Provide the file system of a URL and the path within it; like disk errors, their errors count as temporary."""
     try:
-        yield
+        yield _opened(url)
     except CascadenormError:
         raise
     except Exception as error:  # each kind of URL has its own errors

@@ -26,10 +26,7 @@ NO_RESULT = ("threads", "progress")
 def settings_of(
     method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
 ) -> tuple[Settings, int | None, Listener | None]:
-    """Check the settings; return them with the number of threads and the progress listener.
-
-    Raises ParameterError if a name is unknown, a value is out of range, or weights cannot be read.
-    """
+    """Check the settings; return them, the number of threads and the listener. Raises ParameterError."""
     every = checked_controls(controls)
     values = find(method).checked(parameters)
     given = {name: value for name, value in every.items() if name not in NO_RESULT}

@@ -19,7 +19,7 @@ from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_n
 from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest
-from cascadenorm.io.urls import is_url
+from cascadenorm.io.files import is_url
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 

@@ -15,8 +15,7 @@ from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run
-from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder
-from cascadenorm.execution.cluster_map import use_cluster
+from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder, use_cluster
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures

@@ -1,4 +1,1 @@
-"""Run work in several processes or on a Dask cluster.
-
-This includes progress reports and memory limits.
-"""
+"""Run work in several processes or on a Dask cluster, with progress reports and memory limits."""

@@ -46,10 +46,7 @@ def peak_memory() -> Iterator[Peak]:
 
 
 def free_memory() -> int | None:
-    """Return the bytes available to new work: free memory within the limits of the control groups (Linux).
-
-    Return None if the system does not report it.
-    """
+    """Return the free memory within the limits of the control groups, in bytes; None if unknown (not Linux)."""
     try:
         free = 1024 * _kilobytes(_MEMINFO, "MemAvailable")
     except (OSError, StopIteration):
@@ -82,17 +79,14 @@ def _group_limits() -> Iterator[int]:
             yield max(0, int(limit) - used)
 
 
-def parse_bytes(name: str, text: str | int) -> int:
-    """Return the number of bytes for text like "4GB", "500 MB" or "2GiB"; numbers are bytes.
-
-    Raises ParameterError, with this name, if the size is invalid, has no unit, or is not positive.
-    """
+def parse_bytes(text: str | int) -> int:
+    """Return the number of bytes for the setting `memory`, a number or text like "4GB". Raises ParameterError."""
     given = f"{text}B" if isinstance(text, int | float) else str(text)
     match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)
     size = math.floor(float(match[1]) * _UNITS[(match[2] or "").lower()]) if match else 0
     if size < 1:
         raise ParameterError(
-            f'is {text!r}; it must be an amount of memory with its unit, such as "4GB" or "500 MB"', parameter=name
+            f'is {text!r}; it must be an amount of memory with its unit, such as "4GB" or "500 MB"', parameter="memory"
         )
     return size
 

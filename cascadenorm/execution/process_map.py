@@ -1,7 +1,4 @@
-"""Process items in several processes, each with one thread.
-
-This module uses concurrent.futures, because processes of joblib print tracebacks on Ctrl-C and outlive a killed parent.
-"""
+"""Process items in several processes of concurrent.futures; those of joblib outlive a killed parent."""
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -16,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.child_processes import end_with_parent, interrupts_blocked
+from cascadenorm.execution.worker_processes import end_with_parent, interrupts_blocked
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -4,17 +4,51 @@ A process that dies affects only its current job. In `process_map`, by contrast,
 To let the server of the studio start quickly, this module imports no numerical packages.
 """
 
+import os
 import signal
 import time
-from collections.abc import Callable, Sequence
-from multiprocessing import get_context
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
+from threading import Thread
 from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
 
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.child_processes import TERMINATION_TIMEOUT_S, end_with_parent, interrupts_blocked
 from cascadenorm.execution.signals import repeat_if_swallowed
+
+TERMINATION_TIMEOUT_S = 5.0
+"""Seconds that a process has to remove its temporary files."""
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Block SIGINT within the context, and permanently in processes started within it."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # otherwise the first process would start it, which unblocks SIGINT
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with_parent() -> None:
+    """End this process when its parent exits: by SIGTERM and, if that has no effect, immediately."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(TERMINATION_TIMEOUT_S)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -45,10 +79,7 @@ class Worker(Generic[Sent, Received]):
             self.link.close()
 
     def receive(self) -> Received:
-        """Wait for the next answer.
-
-        Raises WorkerError if the process has ended, or if its answer cannot be unpickled.
-        """
+        """Wait for the next answer. Raises WorkerError if the process has ended or the answer cannot be unpickled."""
         try:
             found: Received = self.link.recv()
         except (EOFError, OSError):
@@ -61,7 +92,6 @@ class Worker(Generic[Sent, Received]):
         return found
 
     def kill(self) -> None:
-        """Kill the process."""
         self._process.kill()
         self._process.join()
 

@@ -6,7 +6,6 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from cascadenorm.api.api import DEFAULT_METHOD, methods
 from cascadenorm.frontends.properties import Property, properties
 from cascadenorm.frontends.vtk_filter import INPUTS
-from cascadenorm.registry import Setting
 
 
 def declaration() -> str:
@@ -26,15 +25,16 @@ def declaration() -> str:
 def _element(property: Property) -> Element:
     """Declare a number with its range, a choice, or text, which may be empty if the default is None."""
     setting = property.setting
-    numbers = {(float,): "Double", (int,): "Int"}
+    number = {(float,): "Double", (int,): "Int"}.get(setting.kinds) if not setting.optional else None
     if setting.choices:
         element = _vector("String", property.name, property.default or "none", property.help)
         _choices(element, [*setting.choices, *(["none"] if setting.optional else [])])
-    elif setting.kinds in numbers and not setting.optional:
-        element = _vector(numbers[setting.kinds], property.name, property.default, property.help)
-        _range(element, numbers[setting.kinds], setting)
     else:
-        element = _vector("String", property.name, property.default, property.help)
+        element = _vector(number or "String", property.name, property.default, property.help)
+    if number and not setting.choices:
+        limits = {"min": setting.about.minimum, "max": setting.about.maximum}
+        known = {name: f"{limit:g}" for name, limit in limits.items() if limit is not None}
+        SubElement(element, f"{number}RangeDomain", {"name": "range", **known})
     if property.method:
         hints = SubElement(element, "Hints")
         shown = {"type": "GenericDecorator", "mode": "visibility", "property": "Method", "value": property.method}
@@ -51,9 +51,3 @@ def _vector(kind: str, name: str, default: Any, help: str) -> Element:
 
 def _choices(element: Element, values: list[Any]) -> None:
     SubElement(element, "StringListDomain", name="list").extend([Element("String", value=str(v)) for v in values])
-
-
-def _range(element: Element, kind: str, setting: Setting) -> None:
-    limits = {"min": setting.about.minimum, "max": setting.about.maximum}
-    known = {name: f"{limit:g}" for name, limit in limits.items() if limit is not None}
-    SubElement(element, f"{kind}RangeDomain", {"name": "range", **known})

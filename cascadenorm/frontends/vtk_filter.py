@@ -50,13 +50,11 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         return self.GetOutputDataObject(0)
 
     def SetMethod(self, name: str) -> None:
-        """Choose one of `cascadenorm.methods()`."""
         if find(name).name != self._method:
             self._method = name
             self.Modified()
 
     def GetMethod(self) -> str:
-        """Return the name of the method."""
         return self._method
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
@@ -74,7 +72,6 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         return 1
 
     def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-        """Denoise the input."""
         given, out = self.GetInputData(inputs, 0, 0), self.GetOutputData(outputs, 0)
         settings = {**settings_of(self._values, self._method), "method": self._method, "progress": self._progress}
         self.error = None

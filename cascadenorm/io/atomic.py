@@ -1,5 +1,6 @@
-"""Write files atomically."""
+"""Write files atomically, and to streams that may accept few bytes at once."""
 
+import io
 import os
 import re
 import secrets
@@ -9,6 +10,8 @@ from contextlib import contextmanager
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from selectors import EVENT_WRITE, DefaultSelector
+from typing import BinaryIO
 
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import Piece
@@ -78,14 +81,14 @@ def write_together(files: Sequence[tuple[Path, Iterable[Piece]]], *, force: bool
     placed: list[Path] = []
     try:
         for path, pieces in files:
-            with _explained(path):
+            with explained_writing(path):
                 if is_special(path):
                     with path.open("wb") as stream:
                         stream.writelines(pieces)
                 else:
                     _stage(path.resolve(), pieces, staged, owner=files[-1][0])
         for target, name in staged:
-            with _explained(target):
+            with explained_writing(target):
                 if force:
                     os.replace(name, target)
                 else:
@@ -113,10 +116,7 @@ def remove_unfinished(outputs: Iterable[Path]) -> None:
 
 
 def unfinished_name(name: str, owner: Path) -> str:
-    """Return a new name for an incomplete file with a final name, from which `remove_unfinished` recognises its output.
-
-    The owner is the output that the file is or belongs to.
-    """
+    """Return a new name for an incomplete file that is or belongs to an output, for `remove_unfinished`."""
     return f".{name[:NAMED]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
 
 
@@ -126,7 +126,7 @@ def _owner_key(output: Path) -> str:
 
 
 @contextmanager
-def _explained(path: Path) -> Iterator[None]:
+def explained_writing(path: Path) -> Iterator[None]:
     """Convert errors of the operating system to OutputError."""
     try:
         yield
@@ -137,10 +137,7 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def _stage(target: Path, pieces: Iterable[Piece], staged: list[tuple[Path, str]], *, owner: Path) -> None:
-    """Write a complete temporary file for `owner` beside its target, and record both.
-
-    It has the permissions of the file that it replaces, or the default ones of the process for new files.
-    """
+    """Write a temporary file beside its target, with the permissions of the file it replaces, and record both."""
     name = str(target.parent / unfinished_name(target.name, owner))
     mode = target.stat().st_mode & 0o777 if target.exists() else None
     with open(name, "xb", opener=None if mode is None else partial(os.open, mode=mode)) as stream:
@@ -161,3 +158,44 @@ def _rename_to_new(name: str, target: Path) -> None:
     except OSError:  # a file system without hard links
         check_output(target, force=False)
         os.replace(name, target)
+
+
+def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
+    """Write all pieces to a stream, which may be full at times, and flush it. Raises OutputError."""
+    try:
+        for piece in pieces:
+            _write(stream, memoryview(piece).cast("B"))
+        _flush(stream)
+    except BrokenPipeError:
+        raise OutputError("the stream was closed by its reader before all was written") from None
+    except OSError as error:
+        raise OutputError(f"the stream cannot be written: {error.strerror or error}") from error
+
+
+def _write(stream: BinaryIO, left: memoryview) -> None:
+    while len(left):
+        try:
+            written = stream.write(left)
+        except BlockingIOError as error:
+            written = error.characters_written
+            _wait(stream)
+        if isinstance(stream, io.RawIOBase) and written is None:  # the stream is full
+            _wait(stream)
+            continue
+        left = left[len(left) if written is None else written :]
+
+
+def _flush(stream: BinaryIO) -> None:
+    while True:
+        try:
+            stream.flush()
+            return
+        except BlockingIOError:
+            _wait(stream)
+
+
+def _wait(stream: BinaryIO) -> None:
+    """Wait until a stream accepts bytes again."""
+    with DefaultSelector() as selector:
+        selector.register(stream, EVENT_WRITE)
+        selector.select()

@@ -1,7 +1,4 @@
-"""The base class of all mesh formats.
-
-A mesh file is read once and written with moved vertices.
-"""
+"""The base class of all mesh formats: a file is read once and written with moved vertices."""
 
 import copy
 from abc import ABC, abstractmethod
@@ -43,20 +40,11 @@ class MeshFile(ABC):
         Folder of the files that it references; None if it was read from a stream.
     parts
         (k,) number of the coordinate frame of each position. None if all share one frame.
-    triangles
-        (m, 3) triangulated polygons.
-    welds
-        (k,) the vertex of `mesh` that each position is a copy of.
-    mesh
-        n vertices and m triangles; n < k if the file splits vertices at seams or for each face.
-    left_out
-        (m,) the triangles that `mesh` does not contain. All False unless the file comes from `isolating`.
-    bad_vertices
-        (n,) the vertices that are not finite. `isolating` puts them at the origin; otherwise `mesh` raises MeshError.
     """
 
     format: ClassVar[str]
     counts_from: ClassVar[int] = 0  # number of the first vertex and face in this format
+    needs: ClassVar[tuple[str, str, str]] = ("", "", "")  # module, package and extra that the format requires
     _isolates = False
     _weld_distance = 0.0
     moving_loses: tuple[str, ...] = ()  # what is lost when vertices move, in words
@@ -87,15 +75,15 @@ class MeshFile(ABC):
 
     def isolating(self: AnyMeshFile) -> AnyMeshFile:
         """Return this file with a `mesh` that leaves out invalid vertices and faces instead of raising MeshError."""
-        file = copy.copy(self)
-        file._isolates = True
-        file.__dict__.pop("mesh", None)
-        return file
+        return self._with_mesh_settings(_isolates=True)
 
     def welding(self: AnyMeshFile, distance: float) -> AnyMeshFile:
         """Return this file with a `mesh` in which boundary vertices within a distance, in its unit, are joined."""
+        return self._with_mesh_settings(_weld_distance=distance)
+
+    def _with_mesh_settings(self: AnyMeshFile, **settings: Any) -> AnyMeshFile:
         file = copy.copy(self)
-        file._weld_distance = distance
+        file.__dict__.update(settings)
         for name in ("mesh", "_weld"):
             file.__dict__.pop(name, None)
         return file
@@ -105,10 +93,7 @@ class MeshFile(ABC):
         return self._moved_pieces() if self.has_moved else [self.data]
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
-        """Return the files to write for an output path: parts in separate files, then the file itself.
-
-        `part_name` is a pattern that converts the default name of a part to the actual one.
-        """
+        """Return the files to write at a path, with it as the last; `part_name` is a pattern for other names."""
         return {path: self.pieces()}
 
     def may_write(self, path: Path) -> list[Path]:
@@ -130,10 +115,7 @@ class MeshFile(ABC):
         return here._read_content().without_out_of_range()
 
     def face_labels(self) -> list[Labels]:
-        """Return the labels of the polygons: properties, and in some formats materials, groups and objects.
-
-        A kind occurs more than once if a face can have several labels of it.
-        """
+        """Return the labels of the polygons, such as properties and materials. A kind may occur more than once."""
         properties = self._read_content().face_values
         labels = [Labels(name, *np.unique(v, return_inverse=True)) for name, v in properties.items()]
         return [label for label in labels if label.of_faces.shape == (len(self.polygons),)]
@@ -182,7 +164,7 @@ class MeshFile(ABC):
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The triangles with closed seams. Raises MeshError if the file does not describe a valid mesh."""
+        """The m triangles, with n <= k vertices, since seams are closed. Raises MeshError if it would not be valid."""
         if self._isolates:
             return isolated(self._at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons):
@@ -215,7 +197,7 @@ class MeshFile(ABC):
 
     @property
     def bad_vertices(self) -> NDArray[np.bool_]:
-        """(n,) the vertices that are not finite."""
+        """(n,) the vertices that are not finite; `isolating` puts them at the origin."""
         return bad_vertices(self._at_vertices(self._read_positions))
 
     @cached_property
@@ -312,3 +294,20 @@ class MeshFile(ABC):
         if self._isolates:
             normals = normals._replace(corners=np.where(self.left_out[:, None], -1, normals.corners))
         return renewed_normals(normals, self.triangles, self.welds, self._read_positions, self.positions)
+
+    def _renewed_tables(
+        self, tables: dict[Any, NDArray[Any]], corners: Iterable[tuple[Any, NDArray[np.int64]]]
+    ) -> tuple[dict[Any, int], NDArray[np.float64], NDArray[np.bool_]]:
+        """Renew normals in several tables; for each part of the polygons, `corners` are a table and the rows in it.
+
+        Returns the first row of each table if they are put one after another, all normals, and which of them are new.
+        """
+        starts = dict(zip(tables, np.cumsum([0, *map(len, tables.values())]).tolist(), strict=False))
+        if not tables:
+            return starts, np.zeros((0, 3)), np.zeros(0, bool)
+        used = []
+        for key, rows in corners:
+            exists = (rows >= 0) & (rows < len(tables.get(key, ())))
+            used.append(np.where(exists, rows + starts.get(key, 0), -1))
+        stored = np.concatenate([np.asarray(table, np.float64) for table in tables.values()])
+        return starts, *self._renewed(Normals(stored, self._at_triangles(np.concatenate(used))))

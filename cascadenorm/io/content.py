@@ -1,6 +1,6 @@
-"""Format-independent content: positions, polygons, attributes, labels."""
+"""Format-independent content: positions, polygons, attributes, colours, labels."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError
+from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import any_in_rows, first_places
 from cascadenorm.mesh.polygons import Polygons
 
@@ -17,27 +19,14 @@ Positions = NDArray[Any]
 
 @dataclass(frozen=True)
 class Content:
-    """Content for conversion between formats. Attributes have the names that PLY uses.
-
-    Parameters
-    ----------
-    positions
-        (k, 3) float32 or float64.
-    polygons
-        Faces. Corners are rows of `positions`.
-    vertex_values
-        Name -> (k,) values. Colours are red, green, blue, alpha as uint8; texture coordinates are s, t.
-    face_values
-        Name -> one value per polygon.
-    left_out
-        Other content of the source that is not included, in words.
-    """
+    """Content for conversion between formats. Attributes have the names that PLY uses."""
 
     positions: Positions
-    polygons: Polygons
+    polygons: Polygons  # faces; corners are rows of `positions`
+    # name -> (k,) values; colours are red, green, blue, alpha as uint8, texture coordinates are s, t
     vertex_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    left_out: tuple[str, ...] = ()
+    face_values: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # name -> one value per polygon
+    left_out: tuple[str, ...] = ()  # other content of the source, in words
 
     def without_out_of_range(self) -> "Content":
         """Remove polygons with indices out of range, which could become valid in another file."""
@@ -84,6 +73,13 @@ class Content:
         return single
 
 
+def single_numbers(arrays: Iterable[tuple[str, Sequence[Any]]], of: str) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """Join the blocks of arrays with one number per row; return the other arrays in words, as data `of` something."""
+    found = list(arrays)
+    numbers = {name: np.concatenate(blocks) for name, blocks in found if all(np.ndim(block) == 1 for block in blocks)}
+    return numbers, [f"{of} data '{name}'" for name, _ in found if name not in numbers]
+
+
 class Labels(NamedTuple):
     """Labels of one kind of the faces of a file."""
 
@@ -104,3 +100,50 @@ class Labels(NamedTuple):
         except ValueError:
             return np.zeros(len(self.of_faces), bool)
         return np.append(self.values == wanted, False)[self.of_faces]
+
+
+CHANNELS = ("red", "green", "blue", "alpha")
+TEXTURE = ("s", "t")
+"""Names of texture coordinates among the vertex values."""
+
+
+def from_words(text: Text, words: Offsets) -> dict[str, NDArray[Any]]:
+    """Parse words (k, 3 or 4) as channels, in bytes. Values are 0 … 255, or fractions if all are below 2."""
+    values = text.numbers(words)
+    scaled = as_bytes(values, 255 if (values >= 2).any() else 1)
+    return dict(zip(CHANNELS, scaled.T, strict=False))
+
+
+def channels(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.uint8]]:
+    """Return the channels among attributes as bytes; empty without red, green and blue."""
+    if any(name not in values for name in CHANNELS[:3]):
+        return {}
+    found = {name: values[name] for name in CHANNELS if name in values}
+    return {
+        name: as_bytes(value, 1 if value.dtype.kind == "f" else np.iinfo(value.dtype).max)
+        for name, value in found.items()
+    }
+
+
+def as_bytes(values: NDArray[Any], largest: float = 1) -> NDArray[np.uint8]:
+    """Convert channels in 0 … largest to bytes."""
+    if values.dtype == np.uint8 and largest == 255:
+        return values
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(np.nan_to_num(np.clip(np.rint(values * (255 / largest)), 0, 255)).astype(np.uint8))
+
+
+class Look(NamedTuple):
+    """Colours (k, 3) as fractions in float32, texture coordinates (k, 2), and the names of the values they contain."""
+
+    colors: NDArray[Any] | None
+    texture: NDArray[Any] | None
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, NDArray[Any]]) -> "Look":
+        """Return the colours and texture coordinates among the values of vertices; None for missing ones."""
+        rgb = [channel.astype(np.float32) for name, channel in channels(values).items() if name != "alpha"]
+        st = [values[name] for name in TEXTURE] if all(name in values for name in TEXTURE) else []
+        colors = np.stack(rgb, axis=1) / np.float32(255) if rgb else None
+        return cls(colors, np.stack(st, axis=1) if st else None, CHANNELS[: len(rgb)] + TEXTURE[: len(st)])

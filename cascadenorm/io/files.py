@@ -17,28 +17,26 @@ from cascadenorm.io.atomic import (
     make_folder,
     unfinished_name,
     write_atomically,
+    write_stream,
     write_together,
 )
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.freesurfer import EXTENSIONS as FREESURFER
-from cascadenorm.io.freesurfer import MAGIC as FREESURFER_MAGIC
-from cascadenorm.io.freesurfer import FreeSurferFile
-from cascadenorm.io.gifti import GiftiFile
 from cascadenorm.io.gltf.glb import GlbFile
-from cascadenorm.io.gltf.gltf import GltfContainer, GltfFile
+from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.libraries import is_installed
+from cascadenorm.io.neuroimaging import EXTENSIONS as FREESURFER
+from cascadenorm.io.neuroimaging import MAGIC as FREESURFER_MAGIC
+from cascadenorm.io.neuroimaging import FreeSurferFile, GiftiFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
-from cascadenorm.io.polydata import LEGACY, POLYDATA, LegacyPolyDataFile
+from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
-from cascadenorm.io.streams import write_stream
-from cascadenorm.io.urls import is_url
-from cascadenorm.io.usd.usd import USD, layer_format
+from cascadenorm.io.usd.usd import UsdaFile, UsdcFile, UsdFile, UsdzFile, layer_format
 from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
-from cascadenorm.io.vtk import MESHIO
+from cascadenorm.io.vtk import AbaqusFile, GmshFile, VtkFile, VtuFile
 from cascadenorm.io.xml.collada import ColladaFile
 from cascadenorm.io.xml.threemf import ThreemfFile
 from cascadenorm.mesh import Mesh
@@ -49,22 +47,11 @@ FORMATS: dict[str, type[MeshFile]] = {
     for kind in (PlyFile, ObjFile, StlFile, OffFile, GlbFile, GltfFile, ThreemfFile, ColladaFile, FreeSurferFile)
 }
 
-OPTIONAL: dict[str, dict[str, type[MeshFile]]] = {
-    "meshio": {**MESHIO},
-    "vtkmodules": {**POLYDATA},
-    "pxr": {**USD},
-    "nibabel": {GiftiFile.format: GiftiFile},
+OPTIONAL: dict[str, type[MeshFile]] = {
+    kind.format: kind
+    for kind in (VtkFile, VtuFile, GmshFile, AbaqusFile, PolyDataFile, UsdFile, UsdaFile, UsdcFile, UsdzFile, GiftiFile)
 }
-"""Formats by the module that reads and writes them."""
-
-NEEDS = {
-    **TRIMESH_NEEDS,
-    **dict.fromkeys(MESHIO, "meshio"),
-    **dict.fromkeys(POLYDATA, "pyvista"),
-    **dict.fromkeys(USD, "usd-core"),
-    "gii": "nibabel",
-}
-"""Packages that a format requires."""
+"""Formats that a further package reads and writes."""
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
 """Lines that identify an OBJ file."""
@@ -118,7 +105,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
             kind = LegacyPolyDataFile
         if kind is None:
             known = ", ".join(dict.fromkeys([*FORMATS, *_further_formats(), *trimesh_formats()]))
-            if chosen in NEEDS:
+            if chosen in OPTIONAL or chosen in TRIMESH_NEEDS:
                 raise _missing("reading", chosen)
             raise ReadError(
                 f"{f'{chosen!r} is' if chosen else 'the content is'} not a supported mesh format ({known}): "
@@ -177,11 +164,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
 
 
 def _write_files(file: MeshFile, path: Path, beside: dict[Path, Iterable[Piece]], *, force: bool) -> None:
-    """Write a file, its parts, and the files that it references.
-
-    If a part already exists, the file references a temporary copy until the part is replaced. It therefore never
-    references an outdated part or a part of another file.
-    """
+    """Write a file, its parts and referenced files; it never references an old part, but a temporary copy."""
     files, aside = file.files(path), dict[Path, Iterable[Piece]]()
     if any(part.exists() for part in files if part != path):
         aside = file.files(path, part_name=unfinished_name("{}", path))
@@ -196,12 +179,9 @@ def _lost(file: MeshFile) -> list[str]:
     return list(file.moving_loses) if file.moving_loses and file.has_moved else []
 
 
-def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfContainer, list[str]]:
-    """Return a file that supports additional vertices and faces, and what it lacks of the given one, in words.
-
-    PLY, OBJ and glTF files are returned unchanged. Other formats are converted to PLY, with the scene as it is shown.
-    """
-    if isinstance(file, PlyFile | ObjFile | GltfContainer):
+def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfFile, list[str]]:
+    """Return a file that supports additional faces, PLY for most formats, and what it lacks, in words."""
+    if isinstance(file, PlyFile | ObjFile | GltfFile):
         return file, []
     pieces, lost = _encoded(file, PlyFile)
     return PlyFile(b"".join(pieces)), lost
@@ -239,17 +219,14 @@ def output_format(target: Source, otherwise: str = "") -> str:
     if not chosen:
         raise OutputError(f"{target} has no extension, which selects the format: choose one of {', '.join(known)}")
     if chosen not in known:
-        if chosen in NEEDS and chosen not in TRIMESH_NEEDS:
+        if chosen in OPTIONAL:
             raise _missing("writing", chosen)
         raise OutputError(f"the format '{chosen}' cannot be written: choose one of {', '.join(known)}")
     return chosen
 
 
 def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
-    """Raise OutputError if the extension of a target does not select a format that can be written.
-
-    If neither the target nor the source has an extension, the format is detected from the source.
-    """
+    """Raise OutputError if the extension of a target, or else of the source, selects no writable format."""
     if Path(target).suffix or not isinstance(source, str | os.PathLike) or Path(source).suffix:
         output_format(target)
 
@@ -266,7 +243,7 @@ def beside(source: Path, what: str) -> Path:
 def is_mesh_name(path: Path) -> bool:
     """Whether the extension is that of a mesh format, even if the package that reads it is missing."""
     format = _format_of(path.suffix)
-    return format in NEEDS or _kind(format) is not None
+    return format in OPTIONAL or format in TRIMESH_NEEDS or _kind(format) is not None
 
 
 def _format_of(extension: str) -> str:
@@ -276,8 +253,7 @@ def _format_of(extension: str) -> str:
 
 
 def _missing(work: str, format: str) -> MissingDependencyError:
-    package = NEEDS[format]
-    extra = {"cascadio": "", "pyvista": "pyvista", "usd-core": "usd"}.get(package, "formats")
+    package, extra = TRIMESH_NEEDS[format] if format in TRIMESH_NEEDS else OPTIONAL[format].needs[1:]
     return MissingDependencyError(f"{work} {format!r} files", package=package, extra=extra)
 
 
@@ -286,7 +262,7 @@ def _kind(format: str) -> type[MeshFile] | None:
 
 
 def _further_formats() -> dict[str, type[MeshFile]]:
-    return {name: kind for module, kinds in OPTIONAL.items() if is_installed(module) for name, kind in kinds.items()}
+    return {name: kind for name, kind in OPTIONAL.items() if is_installed(kind.needs[0])}
 
 
 def _encoded(file: MeshFile, kind: type[MeshFile]) -> tuple[Iterable[Piece], list[str]]:
@@ -354,3 +330,8 @@ def _sniffed(data: bytes) -> str | None:
         return "stl"
     faces = b"\nf " in data or OBJ_FACE.search(data)  # the substring test avoids the slower regular expression
     return "obj" if faces and OBJ_VERTEX.search(data, 0, 100_000) else None
+
+
+def is_url(name: object) -> bool:
+    """Whether a name is a URL. "C://" is a drive."""
+    return isinstance(name, str) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", name) is not None

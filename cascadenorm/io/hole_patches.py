@@ -8,30 +8,17 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.base import MeshFile
 from cascadenorm.io.content import Positions
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, connected_components
 
 
 class HolePatches:
-    """Vertices and triangles that close the holes of a file.
+    """Vertices and triangles that close the holes of a file, with k positions and p polygons.
 
-    Parameters
-    ----------
-    file
-        File with k positions and p polygons.
-    filled
-        Mesh of the file with additional vertices and faces after its own.
-
-    Attributes
-    ----------
-    positions
-        (a, 3) positions of the additional vertices, in the type of the file.
-    triangles
-        (b, 3) rows of the positions of the file, followed by the additional ones. If the file splits a vertex, its
-        first copy is used.
-    polygons
-        (b,) nearest polygon of the file, counted in edges, from which each triangle takes its values.
-    left_out
-        Properties of the surroundings that the patches lack, in words. Code that adds patches to a file appends to it.
+    They are the vertices and faces that a filled mesh of the file has after the file's own: `positions`, (a, 3) in the
+    type of the file, and `triangles`, (b, 3) rows of the positions of the file, followed by the additional ones. If the
+    file splits a vertex, its first copy is used. `polygons`, (b,), are the nearest polygons of the file, counted in
+    edges, from which the triangles take their values, and `parts`, (b,), the hole that each closes. `left_out` are
+    properties of the surroundings that the patches lack, in words; code that adds patches to a file appends to it.
     """
 
     def __init__(self, file: MeshFile, filled: Mesh) -> None:
@@ -44,6 +31,8 @@ class HolePatches:
         beside = np.argsort(filled.topology.face_edges, axis=None, kind="stable")
         same = np.diff(filled.topology.face_edges.ravel()[beside]) == 0
         pairs = np.stack([beside[:-1][same], beside[1:][same]], axis=1) // 3
+        inside = pairs[(pairs >= faces).all(axis=1)] - faces
+        self.parts = connected_components(inside, len(self.triangles))
         self.polygons = file.triangle_polygons[_nearest(faces, len(filled.faces), pairs)]
         self._nearest = _nearest(self._own, len(filled.vertices), filled.topology.edges)
 

@@ -1,7 +1,4 @@
-"""Conversion of files and third-party meshes to meshes, and copies with moved vertices.
-
-Third-party libraries are not imported here: the library of a given mesh has been imported already.
-"""
+"""Conversion of files and of meshes of libraries, which are not imported here, and copies with moved vertices."""
 
 import copy
 from collections.abc import Callable
@@ -14,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
+from cascadenorm.io import polydata, vtk
 from cascadenorm.mesh import Mesh, MeshError
-from cascadenorm.mesh.normals import NORMALS, Normals, renewed_normals
+from cascadenorm.mesh.normals import Normals, renewed_normals
 from cascadenorm.mesh.welding import weld
 
 
@@ -115,15 +113,7 @@ def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     return moved
 
 
-def _pyvista_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
-    moved = mesh.copy(deep=True)
-    moved.points = vertices
-    _renew_vtk_normals(moved, *_vtk_arrays(mesh), vertices)
-    return moved
-
-
 def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    numpy_of = import_module("vtkmodules.util.numpy_support").vtk_to_numpy
     polygons = mesh.GetPolys()
     others = mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3)
     if others and (mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips()):  # without them, it has no faces
@@ -133,31 +123,25 @@ def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
         )
         name = "PolyData" if of_pyvista else "vtkPolyData"
         raise MeshError(f"the {name} has cells that are not triangles", hint=hint)
-    points = numpy_of(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
-    return points, numpy_of(polygons.GetConnectivityArray()).reshape(-1, 3)
+    points = polydata.vtk_array(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
+    return points, polydata.vtk_array(polygons.GetConnectivityArray()).reshape(-1, 3)
 
 
 def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
-    moved = mesh.NewInstance()
-    moved.DeepCopy(mesh)
+    if hasattr(mesh, "triangulate"):  # of pyvista
+        moved = mesh.copy(deep=True)
+    else:
+        moved = mesh.NewInstance()
+        moved.DeepCopy(mesh)
     if len(vertices):
         vtk_of = import_module("vtkmodules.util.numpy_support").numpy_to_vtk
         moved.GetPoints().SetData(vtk_of(np.ascontiguousarray(vertices), deep=True))
-    _renew_vtk_normals(moved, *_vtk_arrays(mesh), vertices)
+    points, triangles = _vtk_arrays(mesh)
+    faces = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
+    polydata.renew_normals(
+        moved, 0, triangles, faces, lambda values, corners: _renewed(values, corners, points, triangles, vertices)
+    )
     return moved
-
-
-def _renew_vtk_normals(moved: Any, points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]) -> None:
-    """Recompute the normals of a vtkPolyData whose triangles have moved from `points` to `vertices`."""
-    numpy_support = import_module("vtkmodules.util.numpy_support")
-    each = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
-    for data, corners in ((moved.GetPointData(), triangles), (moved.GetCellData(), each)):
-        arrays = [data.GetNormals(), *map(data.GetArray, NORMALS)]
-        for array in {array.GetName(): array for array in arrays if array is not None}.values():
-            stored = numpy_support.vtk_to_numpy(array)
-            if stored.ndim == 2 and stored.shape[1] == 3:
-                stored[:] = _renewed(stored, corners, points, triangles, vertices)
-                array.Modified()
 
 
 def _renewed(
@@ -196,16 +180,7 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     def renewed(values: Any, corners: NDArray[Any]) -> NDArray[Any]:
         return _renewed(np.asarray(values), corners, points, triangles, vertices)
 
-    for name in NORMALS:
-        if name in moved.point_data:
-            moved.point_data[name] = renewed(moved.point_data[name], triangles)
-        if name in moved.cell_data:
-            flat = [i for i, block in enumerate(mesh.cells) if block.type == "triangle"]
-            stored = np.concatenate([moved.cell_data[name][i] for i in flat])
-            normals = renewed(stored, np.repeat(np.arange(len(stored))[:, None], 3, axis=1))
-            ends = np.cumsum([len(mesh.cells[i].data) for i in flat])[:-1]
-            for i, part in zip(flat, np.split(normals, ends), strict=True):
-                moved.cell_data[name][i] = part
+    vtk.renew_normals(moved, triangles, np.arange(len(triangles)), renewed)
     if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # names as in PLY
         stored = np.stack([moved.point_data[name] for name in ("nx", "ny", "nz")], axis=1)
         moved.point_data.update(zip(("nx", "ny", "nz"), renewed(stored, triangles).T, strict=True))
@@ -214,7 +189,7 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 ADAPTERS = {
     ("trimesh", "Trimesh"): Adapter(lambda mesh: (np.asarray(mesh.vertices), np.asarray(mesh.faces)), _trimesh_moved),
-    ("pyvista", "PolyData"): Adapter(_vtk_arrays, _pyvista_moved),
+    ("pyvista", "PolyData"): Adapter(_vtk_arrays, _vtk_moved),
     ("vtkmodules", "vtkPolyData"): Adapter(_vtk_arrays, _vtk_moved),
     ("open3d", "TriangleMesh"): Adapter(
         lambda mesh: (np.asarray(mesh.vertices), np.asarray(mesh.triangles)), _open3d_moved

@@ -1,19 +1,19 @@
 """Wavefront OBJ: replace the numbers of `v` and `vn` and keep all lines."""
 
 import os
+import re
 from collections.abc import Iterable
 from itertools import pairwise
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import TEXTURE, Look, from_words
-from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.content import TEXTURE, Content, Labels, Look, from_words
 from cascadenorm.io.hole_patches import HolePatches
-from cascadenorm.io.materials import textures
-from cascadenorm.io.references import content_beside, file_beside
+from cascadenorm.io.sidecar_files import content_beside, file_beside
 from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
@@ -35,10 +35,7 @@ LABEL_KEYWORDS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
 class ObjFile(MeshFile):
-    """An OBJ file. Everything except positions and normals is kept. Positions are float64.
-
-    A normal is recomputed from the faces that use it at a corner, which preserves creases.
-    """
+    """An OBJ file. Everything but positions and normals is kept, and creases too. Positions are float64."""
 
     format = "obj"
     counts_from = 1
@@ -117,15 +114,15 @@ class ObjFile(MeshFile):
             for place, of in enumerate(lines):
                 wanted = int(states[row, place])
                 if wanted != now[place] and wanted >= 0:
-                    rows.append(self._line(int(of[wanted])))
+                    rows.append(b" ".join(self._line(int(of[wanted]))))
                     now[place] = wanted
             rows.append(b"f %d %d %d" % tuple((patches.triangles[row] + 1).tolist()))
         glue = b"" if self.data.endswith((b"\n", b"\r")) and not self.data.rstrip().endswith(b"\\") else b"\n"
         return ObjFile(self.data + glue + b"\n".join(rows) + b"\n", self.folder)
 
-    def _line(self, line: int) -> bytes:
-        first, last = int(self._text.first[line]), int(self._text.stop[line]) - 1
-        return b" ".join(self._text.word(word) for word in range(first, last + 1))
+    def _line(self, line: int) -> list[bytes]:
+        """Return the words of a line."""
+        return [self._text.word(word) for word in range(int(self._text.first[line]), int(self._text.stop[line]))]
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of material libraries and of their textures."""
@@ -149,7 +146,6 @@ class ObjFile(MeshFile):
     def _read_content(self) -> Content:
         text = self._text
         width = (text.stop - text.first)[self._vertices] - 1
-        values: dict[str, NDArray[np.float64]] = {}
         has_colors = len(width) > 0 and width.min() >= 6
         colors = from_words(text, text.columns(self._vertices, 3, start=4)) if has_colors else {}
         textured = self._texture()
@@ -160,7 +156,7 @@ class ObjFile(MeshFile):
             left_out.append("further numbers of vertices, such as weights, or colours that some lack")
         if b"#" in self.data:
             left_out.append("comments")
-        return Content(self.positions, self.polygons, {**values, **colors, **textured}, {}, tuple(left_out))
+        return Content(self.positions, self.polygons, {**colors, **textured}, {}, tuple(left_out))
 
     def _texture(self) -> dict[str, NDArray[np.float64]]:
         """Return the texture coordinates of the positions, if each has only one."""
@@ -184,17 +180,13 @@ class ObjFile(MeshFile):
         labels = []
         for keyword, kind in LABEL_KEYWORDS.items():
             lines = self._text.lines_with(keyword.encode())
-            named = [self._names(line) for line in lines.tolist()]
+            named = [[word.decode("utf-8", "replace") for word in self._line(line)[1:]] for line in lines.tolist()]
             rows = [words if kind == "group" else [" ".join(words)] for words in named]
             of_faces = np.searchsorted(lines, self._faces) - 1  # the last such line before each face
             for place in range(max(map(len, rows), default=0)):
                 values = np.array([words[place] if place < len(words) else "" for words in rows])
                 labels.append(Labels(kind, values, np.where(values[of_faces] == "", -1, of_faces)))
         return labels
-
-    def _names(self, line: int) -> list[str]:
-        words = range(int(self._text.first[line]) + 1, int(self._text.stop[line]))
-        return [self._text.word(word).decode("utf-8", "replace") for word in words]
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -215,3 +207,14 @@ def _face_lines(polygons: Polygons, textured: bool) -> list[bytes]:
     if textured:
         words = [b"%b/%b" % (word, word) for word in words]
     return [b"f %b\n" % b" ".join(words[a:b]) for a, b in pairwise(polygons.indptr.tolist())]
+
+
+OPTION = rb"-\w+(?:[ \t]+(?:on|off|[rgbmlz]|sphere|cube_\w+|[-+]?[\d.]+))*[ \t]+"
+KEYWORD = rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+"
+TEXTURE_LINE = re.compile(KEYWORD + rb"(?:" + OPTION + rb")*([^\r\n]*\S)", re.M | re.I)
+
+
+def textures(library: bytes, name: str) -> list[str]:
+    """Return the names of textures, relative to the same folder as the name of the library."""
+    found = {os.fsdecode(match[1]).replace("\\", "/") for match in TEXTURE_LINE.finditer(library)}
+    return sorted((PurePath(name).parent / texture).as_posix() for texture in found)

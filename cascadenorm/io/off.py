@@ -1,7 +1,4 @@
-"""OFF in text and its variants COFF, NOFF, STOFF and 4OFF.
-
-The file lists vertices, then polygons, one per line.
-"""
+"""OFF in text and its variants COFF, NOFF, STOFF and 4OFF: lines of vertices, then of polygons."""
 
 import re
 from collections.abc import Iterable
@@ -12,8 +9,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import channels, from_words
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import Content, channels, from_words
 from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets

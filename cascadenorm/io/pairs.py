@@ -21,10 +21,7 @@ class FilePair(NamedTuple):
 
 
 def find_pairs(folders: Paths) -> list[FilePair]:
-    """List the pairs `noisy.*` + `clean.*` in the given folders and their direct subfolders, each once.
-
-    Raises ReadError if a folder does not exist or holds no pair, an incomplete pair, or several files for one mesh.
-    """
+    """List each pair `noisy.*` + `clean.*` in folders and their direct subfolders. Raises ReadError."""
     known: dict[Path, FilePair] = {}
     for folder in paths_of(folders):
         if not folder.is_dir():

@@ -1,11 +1,8 @@
-"""VTK PolyData in XML (VTP) and legacy files, read and written by VTK.
-
-The data of points and cells are kept.
-"""
+"""VTK PolyData in XML (VTP) and legacy files, through VTK. The data of points and cells are kept."""
 
 import re
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
@@ -27,6 +24,7 @@ class PolyDataFile(MeshFile):
     """A VTP file. Positions are float32 or float64. Vertex and line cells are kept."""
 
     format = "vtp"
+    needs = ("vtkmodules", "pyvista", "pyvista")
     moving_loses = ("what VTK does not keep (comments, layout)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
@@ -36,9 +34,9 @@ class PolyDataFile(MeshFile):
         polygons, points = self._surface.GetPolys(), self._surface.GetPoints()
         if self._surface.GetNumberOfStrips():
             raise ReadError("the file has triangle strips: apply vtkTriangleFilter to it, in ParaView Triangulate")
-        positions = _array(points.GetData()) if points is not None else np.zeros((0, 3))
-        indptr = _array(polygons.GetOffsetsArray()).astype(np.int64)
-        corners = _array(polygons.GetConnectivityArray()).astype(np.int64)
+        positions = vtk_array(points.GetData()) if points is not None else np.zeros((0, 3))
+        indptr = vtk_array(polygons.GetOffsetsArray()).astype(np.int64)
+        corners = vtk_array(polygons.GetConnectivityArray()).astype(np.int64)
         indptr = indptr if len(indptr) else np.zeros(1, np.int64)
         if indptr[0] != 0 or (np.diff(indptr) < 0).any() or indptr[-1] != len(corners):
             raise ReadError(f"the cells of this {self.format} file do not fit together: get a complete copy")
@@ -67,14 +65,8 @@ class PolyDataFile(MeshFile):
         surface.DeepCopy(self._surface)
         surface.GetPoints().SetData(numpy_to_vtk(self.positions, deep=True))
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()  # cells before the polygons
-        corners = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
-        for data, begin, used in ((surface.GetPointData(), 0, self.triangles), (surface.GetCellData(), first, corners)):
-            for array in _arrays(data):
-                is_normals = array.GetName() in NORMALS or array is data.GetNormals()
-                if is_normals and array.GetNumberOfComponents() == 3 and array.GetDataTypeAsString() in FLOATS:
-                    values = _array(array)
-                    normals, _ = self._renewed(Normals(values[begin:], used))
-                    values[begin:] = normals  # a view of the array
+        faces = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
+        renew_normals(surface, first, self.triangles, faces, lambda *normals: self._renewed(Normals(*normals))[0])
         return [self._written(surface)]
 
     def _written(self, surface: Any) -> bytes:
@@ -83,21 +75,14 @@ class PolyDataFile(MeshFile):
         return _written_by(vtkXMLPolyDataWriter(), surface, self.format)
 
     def _read_content(self) -> Content:
-        surface, left_out = self._surface, list[str]()
+        surface = self._surface
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
-        values: list[dict[str, NDArray[Any]]] = [{}, {}]
-        for found, data, begin, of in (
-            (values[0], surface.GetPointData(), 0, "point"),
-            (values[1], surface.GetCellData(), first, "cell"),
-        ):
-            for array in _arrays(data):
-                if array.GetNumberOfComponents() == 1:
-                    found[array.GetName()] = _array(array)[begin:].copy()
-                else:
-                    left_out.append(f"{of} data '{array.GetName()}'")
-        if first:
-            left_out.append("points and lines")
-        return Content(self.positions, self.polygons, values[0], values[1], tuple(left_out))
+        points = ((array.GetName(), [vtk_array(array)]) for array in _arrays(surface.GetPointData()))
+        cells = ((array.GetName(), [vtk_array(array)[first:]]) for array in _arrays(surface.GetCellData()))
+        values, left_out = single_numbers(points, "point")
+        face_values, others = single_numbers(cells, "cell")
+        left_out += others + (["points and lines"] if first else [])
+        return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -147,15 +132,33 @@ class LegacyPolyDataFile(PolyDataFile):
 
 
 FLOATS = ("float", "double")
-POLYDATA = {"vtp": PolyDataFile}
-"""Formats by their extensions."""
 
 
-def _array(array: Any) -> NDArray[Any]:
+def vtk_array(array: Any) -> NDArray[Any]:
     """Return a view of a VTK array."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     return np.asarray(vtk_to_numpy(array))
+
+
+def renew_normals(
+    surface: Any,
+    first: int,
+    triangles: NDArray[Any],
+    faces: NDArray[Any],
+    renew: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
+) -> None:
+    """Recompute the normals of a vtkPolyData whose cells from `first` on are polygons, at the corners of its triangles.
+
+    `renew` converts normals and their index at each corner, the point in `triangles` or the polygon in `faces`.
+    """
+    for data, begin, corners in ((surface.GetPointData(), 0, triangles), (surface.GetCellData(), first, faces)):
+        arrays = [data.GetNormals(), *map(data.GetArray, NORMALS)]
+        for array in {array.GetName(): array for array in arrays if array is not None}.values():
+            if array.GetNumberOfComponents() == 3 and array.GetDataTypeAsString() in FLOATS:
+                values = vtk_array(array)
+                values[begin:] = renew(values[begin:], corners)  # a view of the array
+                array.Modified()
 
 
 def _arrays(data: Any) -> list[Any]:

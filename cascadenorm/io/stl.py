@@ -21,10 +21,7 @@ HEADER = 84  # 80 arbitrary bytes, then the number of triangles
 
 
 class StlFile(MeshFile):
-    """An STL file. The header and attribute bytes, or the names and layout of a text, are kept.
-
-    Positions are float32 in a binary file and float64 in a text.
-    """
+    """An STL file: float32 with its header and attributes kept, or float64 in a text with its names and layout."""
 
     format = "stl"
 
@@ -105,15 +102,12 @@ def is_binary_stl(data: bytes) -> bool:
 
 
 def _is_text(data: bytes) -> bool:
-    if is_binary_stl(data) or _has_records(data) or data.lstrip()[:5].lower() != b"solid":
+    """Test for the words of a text, without enough records for the declared number and null bytes among them."""
+    size = int.from_bytes(data[80:HEADER], "little") * RECORD.itemsize
+    has_records = 0 < size <= len(data) - HEADER and b"\0" in data[: HEADER + RECORD.itemsize]
+    if is_binary_stl(data) or has_records or data.lstrip()[:5].lower() != b"solid":
         return False
     return any(word in data[:100_000].lower() for word in (b"facet", b"endsolid"))
-
-
-def _has_records(data: bytes) -> bool:
-    """Test for at least the declared number of records, and for null bytes, which do not occur in text."""
-    count = int.from_bytes(data[80:HEADER], "little")
-    return 0 < count * RECORD.itemsize <= len(data) - HEADER and b"\0" in data[: HEADER + RECORD.itemsize]
 
 
 def _facets(text: Text) -> tuple[Offsets, Offsets]:

@@ -1,7 +1,4 @@
-"""Formats that trimesh reads.
-
-Such files can only be written in other formats, with the content that trimesh provides.
-"""
+"""Formats that trimesh reads; such files are written in other formats, with the content that trimesh provides."""
 
 import logging
 from collections.abc import Iterable
@@ -14,15 +11,20 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import CHANNELS, Content
 from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined
 from cascadenorm.mesh.polygons import Polygons
 
-TRIMESH_NEEDS = {"3dxml": "lxml networkx", "stp": "cascadio", "step": "cascadio", "xaml": "lxml", "zae": "pycollada"}
-"""Packages that a format requires."""
+TRIMESH_NEEDS = {
+    "3dxml": ("lxml networkx", "formats"),
+    "stp": ("cascadio", ""),
+    "step": ("cascadio", ""),
+    "xaml": ("lxml", "formats"),
+    "zae": ("pycollada", "formats"),
+}
+"""Packages that a format requires, and the extra that installs them."""
 
 INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
 
@@ -58,7 +60,6 @@ class TrimeshFile(MeshFile):
         raise OutputError(f"the format '{self.format}' cannot be written: choose ply, obj or glb")
 
     def content(self) -> Content:
-        """Return the content that other formats can store."""
         return (self._moved() if self.has_moved else self)._read_content().without_out_of_range()
 
     def _read_content(self) -> Content:

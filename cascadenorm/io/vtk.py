@@ -1,13 +1,10 @@
-"""Formats that meshio reads: VTK grids (legacy and VTU), Gmsh and Abaqus.
-
-The data of points and cells are kept.
-"""
+"""Formats that meshio reads: VTK grids (legacy and VTU), Gmsh and Abaqus. Data of points and cells are kept."""
 
 import copy
 import math
 import re
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,10 +13,9 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.libraries import explained
-from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.unpacking import limited_expansion
+from cascadenorm.io.limits import check_expansion, limited_expansion
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
 
@@ -32,6 +28,7 @@ class MeshioFile(MeshFile):
     """A grid whose cells are polygons. Positions are float32 or float64."""
 
     module: ClassVar[str]  # module of meshio
+    needs = ("meshio", "meshio", "formats")
     made_with: ClassVar[dict[str, Any]] = {}  # options for writing content of other formats
     moving_loses = ("what meshio does not keep (title, layout, types of data)",)
 
@@ -71,46 +68,23 @@ class MeshioFile(MeshFile):
     def _moved_pieces(self) -> Iterable[Piece]:
         grid = copy.deepcopy(self._grid)
         grid.points = self.positions
-        for name in NORMALS:
-            values = grid.point_data.get(name)
-            if values is not None and values.shape == self.positions.shape:
-                normals, _ = self._renewed(Normals(values, self.triangles))
-                grid.point_data[name] = normals.astype(values.dtype)
-            if name in grid.cell_data:
-                grid.cell_data[name] = self._renewed_cell_normals(grid.cell_data[name])
-        return [_written(grid, self.module, self.format, self._options())]
 
-    def _renewed_cell_normals(self, blocks: list[Any]) -> list[Any]:
-        """Return cell normals, one block for each block of cells."""
-        faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
-        if any(np.ndim(blocks[i]) != 2 or np.shape(blocks[i])[1] != 3 for i in faces):
-            return blocks
-        corners = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
-        stored = np.concatenate([np.asarray(blocks[i], np.float64) for i in faces])
-        normals, _ = self._renewed(Normals(stored, corners))
-        ends = np.cumsum([len(blocks[i]) for i in faces])[:-1]
-        new = dict(zip(faces, np.split(normals, ends), strict=True))
-        return [new[i].astype(block.dtype) if i in new else block for i, block in enumerate(blocks)]
+        def renew(values: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
+            return self._renewed(Normals(values, corners))[0].astype(values.dtype)
+
+        renew_normals(grid, self.triangles, self.triangle_polygons, renew)
+        return [_written(grid, self.module, self.format, self._options())]
 
     def _options(self) -> dict[str, Any]:
         """Return the options that write the file as it was read."""
         return {}
 
     def _read_content(self) -> Content:
-        values, face_values, left_out = {}, {}, []
-        for name, value in self._grid.point_data.items():
-            if np.ndim(value) == 1:
-                values[name] = np.asarray(value)
-            else:
-                left_out.append(f"point data '{name}'")
         faces = [i for i, block in enumerate(self._grid.cells) if block.type in FACE_CELLS]
-        for name, blocks in self._grid.cell_data.items():
-            if all(np.ndim(blocks[i]) == 1 for i in faces):
-                face_values[name] = np.concatenate([np.asarray(blocks[i]) for i in faces])
-            else:
-                left_out.append(f"cell data '{name}'")
-        if len(faces) < len(self._grid.cells):
-            left_out.append("points and lines")
+        values, left_out = single_numbers(((name, [value]) for name, value in self._grid.point_data.items()), "point")
+        cells = ((name, [blocks[i] for i in faces]) for name, blocks in self._grid.cell_data.items())
+        face_values, others = single_numbers(cells, "cell")
+        left_out += others + (["points and lines"] if len(faces) < len(self._grid.cells) else [])
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
     @classmethod
@@ -185,10 +159,6 @@ class AbaqusFile(MeshioFile):
         return super()._load()
 
 
-MESHIO = {kind.format: kind for kind in (VtkFile, VtuFile, GmshFile, AbaqusFile)}
-"""Formats by their extensions."""
-
-
 def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> bytes:
     import meshio
 
@@ -197,3 +167,27 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
         with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"):
             getattr(meshio, module).write(path, grid, **options)
         return path.read_bytes()
+
+
+def renew_normals(
+    mesh: Any,
+    triangles: NDArray[Any],
+    owners: NDArray[Any],
+    renew: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
+) -> None:
+    """Recompute the normals of a meshio mesh, in place, at the corners of the triangles that its faces consist of.
+
+    `renew` converts normals and their index at each corner, the point in `triangles` or the face in `owners`.
+    """
+    faces = [i for i, block in enumerate(mesh.cells) if block.type in FACE_CELLS]
+    for name in NORMALS:
+        values = mesh.point_data.get(name)
+        if values is not None and np.shape(values) == np.shape(mesh.points):
+            mesh.point_data[name] = renew(np.asarray(values), triangles)
+        blocks = mesh.cell_data.get(name)
+        if blocks is not None and faces and all(np.ndim(blocks[i]) == 2 and np.shape(blocks[i])[1] == 3 for i in faces):
+            stored = np.concatenate([np.asarray(blocks[i]) for i in faces])
+            normals = renew(stored, np.repeat(owners[:, None], 3, axis=1))
+            ends = np.cumsum([len(blocks[i]) for i in faces])[:-1]
+            for i, new in zip(faces, np.split(normals, ends), strict=True):
+                blocks[i] = new.astype(np.asarray(blocks[i]).dtype)

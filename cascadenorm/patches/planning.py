@@ -5,8 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.execution.cluster import LOCAL_CLUSTER
-from cascadenorm.execution.cluster_map import on_cluster
+from cascadenorm.execution.cluster import LOCAL_CLUSTER, on_cluster
 from cascadenorm.execution.memory import PROCESS_BYTES, format_bytes
 from cascadenorm.mesh import thread_count
 from cascadenorm.patches.work import Patching, working_in_patches

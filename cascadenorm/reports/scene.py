@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.fields import Field, fields
-from cascadenorm.io.colors import CHANNELS, channels
+from cascadenorm.io.content import CHANNELS, channels
 from cascadenorm.mesh import Floats, Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
 from cascadenorm.reports.display import MOST_FACES, Display, display

@@ -34,14 +34,14 @@ ASSETS = {
 }
 """Static files of the page: for each path the file in the package, and the media type."""
 
-Handler = Callable[[Request], Awaitable[Response]]
+Handler = Callable[[Request], Awaitable[Response | dict[str, Any] | None]]
+"""Answers a request with a response, or with the content of a JSON object, which is empty for None."""
 
 
 class Json(JSONResponse):
     """JSON in ASCII, which can also hold file names that are not valid Unicode."""
 
     def render(self, content: Any) -> bytes:
-        """Return the bytes of the response."""
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
@@ -54,7 +54,6 @@ class Application:
         self._saved: list[str] = []
 
     def routes(self) -> list[Route]:
-        """Return the routes."""
         asked: dict[str, tuple[str, Handler]] = {
             "/api/form": ("GET", self.form),
             "/api/events": ("GET", self.events),
@@ -75,13 +74,14 @@ class Application:
         asked |= {path: ("GET", _asset(*asset)) for path, asset in ASSETS.items()}
         return [Route(path, self._answering(handler), methods=[method]) for path, (method, handler) in asked.items()]
 
-    def _answering(self, handler: Handler) -> Handler:
+    def _answering(self, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
         """Count requests, so that the server notices a page that is loading, and return errors as JSON responses."""
 
         async def answering(request: Request) -> Response:
             self._session.requests += 1
             try:
-                return await handler(request)
+                answer = await handler(request)
+                return answer if isinstance(answer, Response) else Json(answer or {})
             except RequestFailed as error:
                 return Json(error.content, 400)
             except CascadenormError as error:
@@ -89,9 +89,9 @@ class Application:
 
         return answering
 
-    async def form(self, _: Request) -> Response:
+    async def form(self, _: Request) -> dict[str, Any]:
         """Return the methods and controls."""
-        return Json(await self._session.form())
+        return await self._session.form()
 
     async def events(self, request: Request) -> Response:
         """Send events until the page is closed."""
@@ -113,12 +113,12 @@ class Application:
             raise HTTPException(404)
         return Response(scene, media_type="application/json")
 
-    async def drop(self, _: Request) -> Response:
+    async def drop(self, _: Request) -> dict[str, Any]:
         """Return a number for files that are dropped together."""
         self._drops += 1
-        return Json({"drop": self._drops})
+        return {"drop": self._drops}
 
-    async def take(self, request: Request) -> Response:
+    async def take(self, request: Request) -> None:
         """Receive one of the dropped files."""
         length = request.headers.get("content-length", "0")
         await self._uploads.take(
@@ -127,9 +127,8 @@ class Application:
             request.stream(),
             announced=int(length) if length.isdecimal() else 0,
         )
-        return Json({})
 
-    async def open(self, request: Request) -> Response:
+    async def open(self, request: Request) -> None:
         """Open the first file of a drop whose name is that of a mesh."""
         given = await _json(request)
         drop, names = self._known_drop(given.get("drop")), given.get("names")
@@ -143,41 +142,36 @@ class Application:
             self._uploads.refused(drop)
             raise
         self._uploads.opened(drop)
-        return Json({})
 
-    async def paint(self, request: Request) -> Response:
+    async def paint(self, request: Request) -> None:
         """Receive a code for each displayed vertex."""
         shown = (self._session.opened or {}).get("painted", 0)
         await self._session.paint(await _body(request, shown))
-        return Json({})
 
     async def kept_paint(self, _: Request) -> Response:
         """Return the paint on the open mesh, for a page that was discarded or reloaded."""
         return Response(self._session.painted, media_type="application/octet-stream")
 
-    async def leave(self, _: Request) -> Response:
+    async def leave(self, _: Request) -> None:
         """Record that the page was closed; a page that disconnects without this was discarded and may return."""
         self._session.leave()
-        return Json({})
 
-    async def denoise(self, request: Request) -> Response:
+    async def denoise(self, request: Request) -> None:
         """Start denoising; events report its progress and result."""
         given = await _json(request)
         self._session.denoise(_of(given), str(given.get("ticket", ""))[:MOST_TICKET])
-        return Json({})
 
-    async def cancel(self, _: Request) -> Response:
-        """Cancel denoising."""
+    async def cancel(self, _: Request) -> None:
         self._session.cancel()
-        return Json({})
 
-    async def recipe(self, request: Request) -> Response:
+    async def recipe(self, request: Request) -> dict[str, Any]:
         """Return the command line and the Python call for a result."""
         given = await _json(request)
         target = self._target(given.get("name"))
-        return Json(await self._session.ask("recipe", settings=_of(given), target=str(target)))
+        found: dict[str, Any] = await self._session.ask("recipe", settings=_of(given), target=str(target))
+        return found
 
-    async def save(self, request: Request) -> Response:
+    async def save(self, request: Request) -> dict[str, Any]:
         """Save a result beside the file that was opened."""
         given = await _json(request)
         target, force = self._target(given.get("name")), given.get("force") is True
@@ -186,7 +180,7 @@ class Application:
         done = await self._session.ask("save", settings=_of(given), target=str(target), force=force)
         self._saved += [path for path in done["files"] if path not in self._saved]
         files = [{"path": path, "number": self._saved.index(path)} for path in done["files"]]
-        return Json({**done, "files": files})
+        return {**done, "files": files}
 
     async def saved(self, request: Request) -> Response:
         """Return a file that was saved in this session, by its number from `save`."""

@@ -8,22 +8,13 @@ MOST_BYTES = 200
 
 def plain_name(name: object) -> str:
     """Return a file name without folders; raise OutputError for anything else, such as a path."""
-    text = str(name)
-    bad = not isinstance(name, str) or text.startswith(".") or not text.strip()
-    bad = bad or not 0 < _bytes_in_utf8(text) <= MOST_BYTES
-    if bad or any(letter in '/\\\\:*?"<>|' or ord(letter) < 32 for letter in text):
+    text = name if isinstance(name, str) else ""
+    bad = any(letter in '/\\:*?"<>|' or ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in text)
+    if bad or not text.strip() or text.startswith(".") or len(text.encode(errors="replace")) > MOST_BYTES:
         raise OutputError(
             f"{name!r} is not a plain file name", hint="give one without folders, such as part_denoised.ply"
         )
     return text
-
-
-def _bytes_in_utf8(text: str) -> int:
-    """Count the bytes of a text; 0 for one that UTF-8 cannot hold, with half of a surrogate pair."""
-    try:
-        return len(text.encode())
-    except UnicodeEncodeError:
-        return 0
 
 
 LABELS = {
@@ -42,7 +33,6 @@ LABELS = {
 
 
 def label(name: str) -> str:
-    """Return the form's label of a setting."""
     return LABELS.get(name, name.replace("_", " ").capitalize())
 
 

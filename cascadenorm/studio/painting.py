@@ -14,10 +14,7 @@ FREE, PINNED = 0, 255
 
 
 def over_painted(codes: bytes, mesh: Mesh, shown: Display) -> NDArray[np.uint8]:
-    """Return (n,) codes for a mesh from those of its displayed vertices.
-
-    Raises ParameterError if the number of codes is not that of the displayed vertices, or if a code is invalid.
-    """
+    """Return (n,) codes from those of the displayed vertices. Raises ParameterError for invalid ones."""
     given = np.frombuffer(codes, np.uint8)
     if len(given) != len(shown.kept_vertices):
         raise ParameterError(
@@ -42,10 +39,7 @@ def has_paint(paint: NDArray[np.uint8]) -> dict[str, bool]:
 
 
 def with_paint(controls: Controls, paint: NDArray[np.uint8]) -> Controls:
-    """Return controls, with mask and fixed as arrays or None, in which both are arrays that include the paint.
-
-    Weights are multiplied; vertices fixed by either stay.
-    """
+    """Return controls in which mask and fixed are arrays that include the paint, or None. Weights multiply."""
     found = controls.copy()
     pinned = paint == PINNED
     if has_paint(paint)["mask"]:

@@ -1,15 +1,111 @@
-"""Requests about the open mesh, answered in the worker process."""
+"""Requests about the open mesh, answered in the worker process, such as to save a result or to tell its commands."""
 
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+from zipfile import ZIP_DEFLATED, ZipFile
 
-from cascadenorm.errors import MeshError
+import numpy as np
+from numpy.typing import NDArray
+
+from cascadenorm import io
+from cascadenorm.api.apply import reported_controls
+from cascadenorm.api.opened_files import Opened, written_file
+from cascadenorm.controls.settings import Controls
+from cascadenorm.errors import MeshError, OutputError
 from cascadenorm.execution.progress import Listener
-from cascadenorm.io.files import is_mesh_name
-from cascadenorm.studio import saving
-from cascadenorm.studio.settings import form
+from cascadenorm.io.atomic import check_output, write_together
+from cascadenorm.io.files import check_target, is_mesh_name
+from cascadenorm.reports.facts import Recipe, command_line, python_call
+from cascadenorm.studio.painting import has_paint
+from cascadenorm.studio.settings import Chosen, form
 from cascadenorm.studio.workbench import Workbench
+
+
+def save(
+    bench: Workbench, settings: dict[str, Any], target: Path, listener: Listener, *, force: bool
+) -> dict[str, Any]:
+    """Write the result, and the paint beside it.
+
+    Returns `file`, the path as it was given; `files`, the absolute paths of all files that were written; `left_out`,
+    what the format cannot hold, in words; and `command` and `python`, text that makes the file again. Raises
+    OutputError if a file exists and force is not given, it cannot be written, or its name has no extension.
+    """
+    asked, result = bench.asked(settings), bench.result(settings, listener)
+    painted = _painted(bench, asked, target)
+    format = io.output_format(target.name)
+    paths = [target, *(path for path, _ in painted.values())]
+    for path in paths:
+        check_output(path, force=True)
+    existing = [path.name for path in paths if path.is_file()]
+    if existing and not force:
+        problem = f"{' and '.join(existing)} {'exists' if len(existing) == 1 else 'exist'} already"
+        raise OutputError(problem, hint="choose another name", remedy=("force", True), existing=existing)
+    check_target(bench.file, target, format=format, force=force)
+    opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
+    done = written_file(
+        opened,
+        result.vertices,
+        asked.method,
+        asked.parameters,
+        asked.controls,
+        removed=(),  # the page has told the kind of error already
+        seconds=result.seconds,
+        force=force,
+    )
+    write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
+    sidecars = bench.file.may_write(target) if format == bench.file.format else ()
+    files = [str(path.absolute()) for path in dict.fromkeys([*paths, *sidecars]) if path.is_file()]
+    about = {"file": str(target), "files": files, "left_out": list(done.summary.left_out)}
+    return {**about, **recipe(bench, settings, target)}
+
+
+def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
+    """Return the result of `save` with the bytes of the file, or of a ZIP file, and the names of all `files`."""
+    with TemporaryDirectory() as folder:
+        done = save(bench, settings, Path(folder) / name, listener, force=False)
+        files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+        if len(files) == 1:
+            content = files[0].read_bytes()
+        else:
+            name, stream = f"{Path(name).stem}.zip", BytesIO()
+            with ZipFile(stream, "w", ZIP_DEFLATED) as archive:
+                for path in files:
+                    archive.write(path, path.relative_to(folder))
+            content = stream.getvalue()
+    names = [path.relative_to(folder).as_posix() for path in files]
+    made = recipe(bench, settings, Path(done["file"]).relative_to(folder))
+    return {**done, **made, "name": name, "files": names, "content": content}
+
+
+def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str, Any]:
+    """Return the `command` line and the `python` call that reproduce a file, and the `painted` files they read."""
+    io.output_format(target.name)
+    asked = bench.asked(settings)
+    files = {name: str(path) for name, (path, _) in _painted(bench, asked, target).items()}
+    named = {**asked.controls, **{name: asked.given.get(name) for name in ("mask", "fixed", "only")}, **files}
+    controls = reported_controls(cast(Controls, named))
+    made = Recipe(bench.name, str(target), asked.method.name, asked.parameters, asked.controls["strength"], controls)
+    painted = [Path(path).name for path in files.values()]
+    return {"command": command_line(made), "python": python_call(made), "painted": painted}
+
+
+def _painted(bench: Workbench, asked: Chosen, target: Path) -> dict[str, tuple[Path, NDArray[Any]]]:
+    """Return the painted controls, each as a path and an array over the vertices of the file."""
+    welds = bench.file.welds
+    arrays = {name: asked.controls[name] for name, drawn in has_paint(bench.paint).items() if drawn}  # type: ignore[literal-required]
+    return {
+        name: (target.with_name(f"{target.stem}_{name}.npy"), np.asarray(array)[welds])
+        for name, array in arrays.items()
+    }
+
+
+def _npy(values: NDArray[Any]) -> bytes:
+    stream = BytesIO()
+    np.save(stream, values, allow_pickle=False)
+    return stream.getvalue()
 
 
 class Requests:
@@ -45,9 +141,9 @@ class Requests:
                 return self._bench.denoise(given["settings"], listener, preview)
             case "save":
                 target = Path(given["target"])
-                return saving.save(self._bench, given["settings"], target, listener, force=given["force"])
+                return save(self._bench, given["settings"], target, listener, force=given["force"])
             case "download":
-                return saving.packed(self._bench, given["settings"], given["name"], listener)
+                return packed(self._bench, given["settings"], given["name"], listener)
             case "recipe":
-                return saving.recipe(self._bench, given["settings"], Path(given["target"]))
+                return recipe(self._bench, given["settings"], Path(given["target"]))
         raise ValueError(kind)

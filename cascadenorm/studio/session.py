@@ -58,10 +58,7 @@ class Session:
         return self._form
 
     async def open(self, path: Path, name: str, *, saves: bool) -> None:
-        """Replace the open mesh by another file; if RequestFailed is raised, it stays open.
-
-        The name is that in messages and commands. `saves` tells whether results can be saved beside the file.
-        """
+        """Replace the open mesh, unless RequestFailed is raised; `saves` if results can be saved beside the file."""
         self.cancel()
         about = await self.ask("open", path=str(path), name=name)
         self.file, self.painted, self.scenes = (path, name), b"", {}
@@ -107,7 +104,6 @@ class Session:
 
     @property
     def has_pages(self) -> bool:
-        """Whether a page is open."""
         return bool(self._pages)
 
     @property

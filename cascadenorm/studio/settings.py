@@ -48,10 +48,7 @@ def form() -> dict[str, Any]:
 
 
 def chosen(given: Mapping[str, Any]) -> Chosen:
-    """Parse the settings of a request: the name of the method, and parameters and controls by name, as numbers or text.
-
-    Raises ParameterError if a name is unknown, or a value is out of range or names a file.
-    """
+    """Parse the method, parameters and controls of a request. Raises ParameterError if a value is not accepted."""
     method = find(str(given.get("method", DEFAULT_METHOD)))
     parameters, controls = (_plain(given.get(kind, {})) for kind in ("parameters", "controls"))
     for name, value in {**parameters, **controls}.items():

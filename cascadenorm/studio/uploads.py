@@ -13,10 +13,7 @@ class TooLarge(ReadError):
 
 
 class Uploads:
-    """Folders, each in `folder`, for files that were dropped together, such as an OBJ file with its materials.
-
-    All drops together, except the open one, have at most `most` bytes.
-    """
+    """Folders for files that were dropped together, at most `most` bytes in all, without those of the open mesh."""
 
     def __init__(self, folder: Path, *, most: int) -> None:
         self._folder, self._most = folder, most

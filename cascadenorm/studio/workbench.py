@@ -1,10 +1,10 @@
 """The open mesh with its paint and results, in the worker process."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,20 +14,20 @@ from cascadenorm.api.apply import run_with_controls, step_key
 from cascadenorm.api.opened_files import detected_error
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import Controls
+from cascadenorm.controls.settings import CONTROLS, Controls, parsed_length
 from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
-from cascadenorm.mesh import Vectors, in_frame, limit_threads, without_lines
-from cascadenorm.reports.display import display
+from cascadenorm.mesh import Mesh, Vectors, in_frame, limit_threads, without_lines
+from cascadenorm.reports.display import Display, display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.scene import Comparison, scene
-from cascadenorm.studio.packed_scenes import packed_scene
 from cascadenorm.studio.painting import over_painted, with_paint
-from cascadenorm.studio.previews import Coarse, coarse
 from cascadenorm.studio.settings import Chosen, chosen
 
+COARSE = 1 << 15
+"""Number of faces of a coarse mesh, which `auto` denoises in about a second."""
 KEPT = 8
 """Number of cached results, which undo and redo show at once."""
 
@@ -58,6 +58,41 @@ class Steps(NamedTuple):
     whole: list[Vectors]
     coarse: list[Vectors]
     removed: list[Vectors]
+
+
+def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes:
+    """Return the JSON of a scene; `faces` is the number of faces of the mesh that coarse ones approximate."""
+    meshes = [mesh if faces is None else {**mesh, "faces": faces} for mesh in scene["meshes"]]
+    return json.dumps({**scene, "meshes": meshes}, separators=(",", ":"), allow_nan=False).encode()
+
+
+class Coarse(NamedTuple):
+    """A decimated mesh, with the vertices and faces of the whole mesh that it keeps."""
+
+    mesh: Mesh
+    shown: Display
+
+    def controls(self, controls: Controls, whole: Mesh) -> Controls:
+        """Convert controls for the whole mesh, given as arrays, to this mesh; lengths keep their values."""
+        found: dict[str, Any] = {**controls}
+        for name in ("mask", "fixed"):
+            if found[name] is not None:
+                found[name] = np.asarray(found[name])[self.shown.kept_vertices]
+        if found["only"] is not None:
+            found["only"] = np.asarray(found["only"])[self.shown.kept_faces]
+        for name, setting in CONTROLS.items():
+            if setting.kinds == (float, str) and found[name] is not None:
+                length, in_edges = parsed_length(name, found[name])
+                found[name] = length * whole.mean_edge_length if in_edges else length
+        return cast(Controls, found)
+
+
+def coarse(mesh: Mesh) -> Coarse | None:
+    """Return a coarse mesh for previews; None if the mesh is small enough itself."""
+    if len(mesh.faces) <= 2 * COARSE:
+        return None
+    shown = display(mesh, most=COARSE)
+    return Coarse(Mesh(mesh.vertices[shown.kept_vertices], shown.faces), shown)
 
 
 class Workbench:
@@ -180,10 +215,7 @@ class Workbench:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
 
     def _steps_of(self, asked: Chosen) -> Steps:
-        """Return the known results of these settings: another strength only blends them.
-
-        The results of other settings are dropped, and of strengths above 1 all but the last.
-        """
+        """Return the known results of these settings, of which strengths are blends; others are dropped."""
         others = {name: value for name, value in asked.given.items() if name != "strength"}
         key = self._key({"method": asked.method.name, "parameters": asked.parameters, "controls": others})
         if key != self._steps_key:

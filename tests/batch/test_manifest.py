@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cascadenorm.batch.manifest import Manifest
+from cascadenorm.batch.manifest import MANIFEST_NAME, Manifest
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.errors import OutputError, ParameterError
 from cascadenorm.registry import find
@@ -11,13 +11,13 @@ from cascadenorm.registry import find
 
 def test_half_a_line_does_not_count_and_the_next_is_whole(tmp_path):
     (tmp_path / "manifest.jsonl").write_text('{"output": "a", "status": "done"}\n[1]\n{"output": "b", "sta', "utf-8")
-    manifest = Manifest(tmp_path)
+    manifest = Manifest(tmp_path / MANIFEST_NAME)
     assert set(manifest.last) == {"a"}
     with pytest.raises(OutputError, match="another batch is writing"):
-        Manifest(tmp_path)
+        Manifest(tmp_path / MANIFEST_NAME)
     manifest.add({"output": "c"})
     manifest.close()
-    again = Manifest(tmp_path)
+    again = Manifest(tmp_path / MANIFEST_NAME)
     assert set(again.last) == {"a", "c"}
     again.close()
 

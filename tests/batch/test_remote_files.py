@@ -20,8 +20,8 @@ from cascadenorm.batch.inputs import find_jobs
 from cascadenorm.batch.remote_files import file_name, fixed_part
 from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, ReadError
+from cascadenorm.io.files import is_url
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.io.urls import is_url
 
 boto3 = pytest.importorskip("boto3")
 pytest.importorskip("s3fs")

@@ -6,7 +6,7 @@ import pytest
 from test_io import OBJ, PLY_TEXT
 
 from cascadenorm import io
-from cascadenorm.io.materials import textures
+from cascadenorm.io.obj import textures
 
 MATERIALS = b"""newmtl steel\r
 Kd 0.5 0.5 0.5\r

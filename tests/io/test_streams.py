@@ -12,7 +12,7 @@ from test_io import PLY_TEXT
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.io import OutputError
-from cascadenorm.io.streams import write_stream
+from cascadenorm.io.atomic import write_stream
 
 PIECES = [bytes(range(256)) * 2000, b"", memoryview(b"end")]
 WHOLE = b"".join(bytes(piece) for piece in PIECES)

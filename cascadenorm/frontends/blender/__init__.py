@@ -4,8 +4,7 @@ from typing import Any
 
 import bpy
 
-from cascadenorm.frontends.blender.operators import Denoise, Inspect
-from cascadenorm.frontends.blender.panel import DenoisePanel
+from cascadenorm.frontends.blender.operators import Denoise, DenoisePanel, Inspect
 from cascadenorm.frontends.blender.properties import declarations
 
 

@@ -1,6 +1,7 @@
-"""Operators that denoise the selection and determine the kind of error of the active object."""
+"""Operators that denoise the selection and inspect the active object, and their panel, tab Denoise in the 3-D view."""
 
 from collections.abc import Callable
+from textwrap import wrap
 from typing import Any, ClassVar
 
 import bpy
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 from cascadenorm.api.api import denoise
 from cascadenorm.api.inspection import inspect
 from cascadenorm.api.inspection.findings import FINDINGS
+from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import CascadenormError, counted
 from cascadenorm.execution.progress import Listener, report_to
-from cascadenorm.frontends.blender.panel import draw_settings
-from cascadenorm.frontends.blender.properties import chosen, declarations, label
+from cascadenorm.frontends.blender.properties import chosen, declarations, identifier, label, parameters_of
 from cascadenorm.frontends.blender.surfaces import (
     Surface,
     copy_of,
@@ -24,6 +25,58 @@ from cascadenorm.frontends.blender.surfaces import (
     write_shape_key,
 )
 from cascadenorm.frontends.jobs import Cancelled, Job
+
+WIDTH = 42
+"""Characters of a line of text in the panel."""
+
+
+class DenoisePanel(bpy.types.Panel):
+    """Inspection result and settings of the active object, with the operators."""
+
+    bl_idname = "VIEW3D_PT_cascadenorm"
+    bl_label = "Denoise"
+    bl_category = "Denoise"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """Whether the active object has a mesh."""
+        return context.object is not None and context.object.type == "MESH"
+
+    def draw(self, context: Any) -> None:
+        settings, layout = context.object.cascadenorm, self.layout
+        layout.operator("cascadenorm.inspect", icon="VIEWZOOM")
+        for line in settings.found.splitlines():
+            for part in wrap(line, WIDTH):
+                layout.label(text=part)
+        layout.operator("cascadenorm.denoise", icon="MOD_SMOOTH")
+        if settings.source:
+            layout.label(text=f"From {settings.source.name}", icon="LINKED")
+        draw_settings(layout, settings, context.object)
+
+
+def draw_settings(layout: Any, settings: Any, object: Any) -> None:
+    """Draw the settings of an operator or an object, with the parameters of the selected method."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    for name in ("method", "strength", "result"):
+        layout.prop(settings, name)
+    parameters = parameters_of(settings.method)
+    if parameters:
+        box = layout.box()
+        for property in parameters:
+            box.prop(settings, identifier(property), text=label(property.setting.name))
+    row = layout.row(align=True)
+    row.prop_search(settings, "vertex_group", object, "vertex_groups")
+    row.prop(settings, "invert_vertex_group", text="", icon="ARROW_LEFTRIGHT")
+    layout.prop(settings, "creases")
+    if settings.creases == "ANGLE":
+        layout.prop(settings, "crease_angle")
+    for name, control in CONTROLS.items():
+        if name != "strength" and not control.about.hidden and not control.about.arrays:
+            layout.prop(settings, name)
+
 
 Work = Callable[[Listener], Any]
 
@@ -46,7 +99,7 @@ class Working(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Do the work and return when it is done."""
         try:
-            self.finish(context, self.prepare(context)(_nobody))
+            self.finish(context, self.prepare(context)(lambda fraction: None))
         except CascadenormError as error:
             self.report({"ERROR"}, error.message(label))
             return {"CANCELLED"}
@@ -113,11 +166,9 @@ class Denoise(Working):
         return super().invoke(context, event)
 
     def draw(self, context: Any) -> None:
-        """Draw the settings into the panel of the last operation."""
         draw_settings(self.layout, self.properties, context.object)
 
     def prepare(self, context: Any) -> Work:
-        """Read the surfaces and settings."""
         self._objects, given = targets(context), self.properties
         surfaces = [surface_of(object) for object in self._objects]
         settings = [
@@ -134,7 +185,6 @@ class Denoise(Working):
         return work
 
     def finish(self, context: Any, result: list[NDArray[np.float32]]) -> None:
-        """Write the new positions to the chosen target."""
         editing = context.mode == "EDIT_MESH"
         if editing:
             bpy.ops.object.mode_set(mode="OBJECT")
@@ -166,7 +216,6 @@ class Inspect(Working):
     bl_label = "Inspect"
 
     def prepare(self, context: Any) -> Work:
-        """Read the surface."""
         self._object = context.object
         surface = surface_of(self._object)
 
@@ -180,7 +229,6 @@ class Inspect(Working):
         return work
 
     def finish(self, context: Any, result: str) -> None:
-        """Show the result in the panel."""
         self._object.cascadenorm.found = result
 
 
@@ -201,7 +249,3 @@ def _denoised(
         listener(begin + length * fraction)
 
     return surface.positions_of(denoise(surface.vertices, surface.faces, progress=listen, **settings))
-
-
-def _nobody(fraction: float) -> None:
-    """Ignore the progress."""

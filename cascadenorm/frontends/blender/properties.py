@@ -65,15 +65,11 @@ def label(name: str, value: object = None) -> str:
 
 
 def parameters_of(method: str) -> list[Property]:
-    """Return the parameters of a method."""
     return [property for property in _generic() if property.method == method]
 
 
 def chosen(settings: Any) -> dict[str, Any]:
-    """Return the settings of an operator or an object as keyword arguments of `denoise`, except mask and creases.
-
-    Raises ParameterError for a text that its setting does not accept, or a number out of range.
-    """
+    """Return settings as arguments of `denoise`, except mask and creases. Raises ParameterError for invalid ones."""
     values = {}
     for property in _generic():
         name = identifier(property)

@@ -47,10 +47,7 @@ def surface_of(object: Any) -> Surface:
 
 
 def mask_of(object: Any, settings: Any) -> NDArray[np.float32] | None:
-    """Return the weights of the vertex group, in Edit mode for the selected vertices; None moves every vertex.
-
-    Raises ParameterError if there is no such group, or if nothing is selected.
-    """
+    """Return weights of the vertex group and the selection; None moves all. Raises ParameterError if empty."""
     mesh, mask = object.data, None
     if name := settings.vertex_group:
         if name not in object.vertex_groups:
@@ -85,10 +82,7 @@ def creases_of(object: Any, settings: Any) -> float | NDArray[np.int32] | None:
 
 
 def write(object: Any, positions: NDArray[np.float32]) -> None:
-    """Move the vertices of an object in Object mode, or those of its active shape key.
-
-    Keys that are relative to the active one move along, as they do in Edit mode.
-    """
+    """Move the vertices of an object in Object mode, or its active shape key and those relative to it."""
     mesh, key = object.data, object.active_shape_key
     if key is not None:
         moved = positions - _array(key.data, "co", np.float32, 3)

@@ -1,4 +1,4 @@
-"""Byte offsets of the numbers of glTF accessors in the buffers."""
+"""Numbers of glTF accessors: their byte offsets in the buffers, and further ones."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.gltf.buffers import Buffers
 from cascadenorm.io.limits import check_expansion
+from cascadenorm.mesh import box_of
 
 FLOAT = 5126
 COMPONENT_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
@@ -20,6 +21,9 @@ STORED = [
 ]
 """Supported storage of 3-vectors: the component type, and its value that represents 1."""
 COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+ALIGNMENT = 4
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+"""Targets of buffer views with attributes and with vertex indices."""
 
 Data = bytes | bytearray | memoryview
 
@@ -106,20 +110,27 @@ class StoredVectors(NamedTuple):
             yield slice(None) if alike.all() else np.flatnonzero(alike), *STORED[number]
 
 
-class Accessors:
-    """The accessors of an unchecked document: vectors of numbers, packed, interleaved or sparse.
+class Primitive(NamedTuple):
+    """Triangles of one material."""
 
-    `size` is the number of bytes of the file, without buffers in separate files.
-    """
+    mesh: int  # its number
+    number: int  # of the primitive within the mesh
+    material: int | None  # its number
+    attributes: dict[str, int]  # name -> accessor
+    # positions, normals: byte offsets in the buffers. There are either no normals or one for each position.
+    positions: StoredVectors
+    normals: StoredVectors
+    triangles: NDArray[np.int64]  # (m, 3) rows of both
+
+
+class Accessors:
+    """The accessors of an unchecked document. `size` is that of the file, without buffers in separate files."""
 
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:
         self._document, self._buffers, self._size, self._claimed = document, buffers, size, 0
 
     def claim(self, count: int) -> None:
-        """Count numbers that are copied out of the buffers. Raises ReadError if they exceed the limit.
-
-        Any number of primitives may share an accessor, and any number of nodes a mesh.
-        """
+        """Count numbers that are copied out of the buffers, several times if shared. Raises ReadError if too many."""
         self._claimed += 8 * count
         check_expansion(self._claimed, self._size + len(self._buffers.data), "the meshes of this glTF file")
 
@@ -157,12 +168,11 @@ class Accessors:
         if sparse is not None:
             indices, values = sparse["indices"], sparse["values"]
             parts += [(indices, sparse["count"], self._type(indices).itemsize), (values, sparse["count"], width)]
-        loaded = self._buffers.is_loaded
         views = self._document["bufferViews"]
         return [
             (self._range(part, count, size), size)
             for part, count, size in parts
-            if loaded(views[part["bufferView"]]["buffer"])
+            if views[part["bufferView"]]["buffer"] in self._buffers.places
         ]
 
     def vectors(self, number: int) -> StoredVectors:
@@ -217,6 +227,48 @@ class Accessors:
                 "or not the one that its buffers belong to; get a complete copy"
             )
         return range(begin + start, begin + start + step * count, step) if count else range(0)
+
+
+class NewAccessors:
+    """Accessors of a document and further ones, whose `data` begin at a byte offset of a buffer."""
+
+    def __init__(self, document: dict[str, Any], *, buffer: int = 0, begin: int = 0) -> None:
+        self.accessors: list[dict[str, Any]] = list(document.get("accessors", []))
+        self.views: list[dict[str, Any]] = list(document.get("bufferViews", []))
+        self.data, self._buffer, self._begin = bytearray(), buffer, begin
+
+    def add(
+        self, values: NDArray[Any], *, normalized: bool = False, bounds: bool = False, indices: bool = False
+    ) -> int:
+        """Append values, one vector per row, each aligned to four bytes; return the number of their accessor."""
+        self.data += bytes(-(self._begin + len(self.data)) % ALIGNMENT)
+        raw = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+        step = raw.shape[1] + (0 if indices else -raw.shape[1] % ALIGNMENT)
+        rows = np.zeros((len(values), step), np.uint8)
+        rows[:, : raw.shape[1]] = raw
+        view: dict[str, Any] = {
+            "buffer": self._buffer,
+            "byteOffset": self._begin + len(self.data),
+            "byteLength": rows.size,
+            "target": ELEMENT_ARRAY_BUFFER if indices else ARRAY_BUFFER,
+        }
+        if step > raw.shape[1]:
+            view["byteStride"] = step
+        self.data += rows.tobytes()
+        accessor: dict[str, Any] = {
+            "bufferView": len(self.views),
+            "componentType": next(number for number, kind in COMPONENT_TYPES.items() if kind == values.dtype),
+            "count": len(values),
+            "type": next(name for name, count in COMPONENT_COUNTS.items() if count == values.shape[1]),
+        }
+        if normalized:
+            accessor["normalized"] = True
+        if bounds and len(values):
+            lower, upper = box_of(values.astype(np.float32))
+            accessor |= {"min": lower.tolist(), "max": upper.tolist()}
+        self.views.append(view)
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
 
 
 def each(places: ByteOffsets) -> NDArray[np.int64]:

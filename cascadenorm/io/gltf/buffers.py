@@ -1,7 +1,4 @@
-"""The buffers of a glTF document.
-
-A buffer is a chunk of a GLB file, text in the JSON, or a separate file.
-"""
+"""The buffers of a glTF document: a chunk of a GLB file, text in the JSON, or separate files."""
 
 import base64
 import binascii
@@ -14,18 +11,14 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
-from cascadenorm.io.references import file_beside, is_within
+from cascadenorm.io.sidecar_files import file_beside, is_within
 from cascadenorm.io.text.text import blocks
 
 EMBEDDED = "data:application/octet-stream;base64,"
 
 
 class Buffers:
-    """The buffers that contain vertices, concatenated in `data` in the order in which they are requested.
-
-    They are `declared` as in the document. The chunk is the buffer in a GLB file. The folder is that of buffers in
-    separate files; None for a stream.
-    """
+    """The buffers with vertices, concatenated in `data` as they are requested; `folder` is None for a stream."""
 
     def __init__(self, declared: list[dict[str, Any]], chunk: Piece | None, folder: Path | None) -> None:
         for number, part in enumerate(declared):
@@ -36,23 +29,20 @@ class Buffers:
                 )
         self.declared, self._chunk, self._folder = declared, chunk, folder
         self.data: Piece = b""
-        self._places: dict[int, tuple[int, int]] = {}
+        self.places: dict[int, tuple[int, int]] = {}
+        """Where the buffers begin and end in `data`."""
 
     def place(self, number: int) -> tuple[int, int]:
         """Return where a buffer begins and ends in `data`. Raises ReadError if it is not available."""
-        if number not in self._places:
+        if number not in self.places:
             found = self._load(number)
-            self._places[number] = len(self.data), len(self.data) + len(found)
+            self.places[number] = len(self.data), len(self.data) + len(found)
             self.data = b"".join([self.data, found]) if self.data else found
-        return self._places[number]
-
-    def is_loaded(self, number: int) -> bool:
-        """Whether a buffer is in `data`."""
-        return number in self._places
+        return self.places[number]
 
     def replaced(self, data: bytearray, numbers: list[int]) -> dict[int, Piece]:
         """Return by number the buffers that differ in other data, and those with these numbers, as views of it."""
-        before, after, places = memoryview(self.data), memoryview(data), self._places.items()
+        before, after, places = memoryview(self.data), memoryview(data), self.places.items()
         return {
             n: after[begin:end]
             for n, (begin, end) in places
@@ -63,7 +53,7 @@ class Buffers:
         """Return the numbers of buffers in separate files that contain one of these ascending byte offsets."""
         return sorted(
             number
-            for number, (begin, end) in self._places.items()
+            for number, (begin, end) in self.places.items()
             if relative_name(self.declared[number].get("uri")) is not None
             and np.searchsorted(places, begin) < np.searchsorted(places, end)
         )

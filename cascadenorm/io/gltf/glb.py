@@ -1,7 +1,4 @@
-"""GLB, the binary container of glTF.
-
-It contains the JSON, followed by the first buffer.
-"""
+"""GLB, the binary container of glTF: the JSON, followed by the first buffer."""
 
 import struct
 from collections.abc import Iterable, Sequence
@@ -10,13 +7,13 @@ from typing import Any
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
 from cascadenorm.io.gltf.document import encoded
-from cascadenorm.io.gltf.gltf import GltfContainer
+from cascadenorm.io.gltf.gltf import GltfFile
 
 GLB_MAGIC = b"glTF"
 JSON, BIN = b"JSON", b"BIN\0"
 
 
-class GlbFile(GltfContainer):
+class GlbFile(GltfFile):
     """A GLB file. Chunks of other types are kept."""
 
     format = "glb"

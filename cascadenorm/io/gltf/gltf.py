@@ -1,16 +1,11 @@
-"""glTF 2: replace positions and normals in the buffers and keep everything else.
-
-Positions are those of the meshes themselves, before the transforms of nodes. Skins, morph targets and animations apply
-to the moved vertices as before.
-"""
+"""glTF 2: replace positions and normals, as they are before the transforms of nodes, and keep everything else."""
 
 import copy
-from abc import abstractmethod
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -19,11 +14,10 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
-from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, StoredVectors
+from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
-from cascadenorm.io.gltf.document import check_lists, document_of, encoded, parsed
-from cascadenorm.io.gltf.patching import Patching, PrimitivePlace
-from cascadenorm.io.gltf.scene import ShownPrimitive, content_of
+from cascadenorm.io.gltf.document import check_lists, content_of, document_of, encoded, parsed
+from cascadenorm.io.gltf.patching import Patching
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
@@ -36,34 +30,25 @@ COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh
 would not change what is shown."""
 
 
-class Primitive(NamedTuple):
-    """Triangles of one material."""
+class GltfFile(MeshFile):
+    """A glTF document with any number of meshes, in JSON with embedded or separate buffers. Positions are float32."""
 
-    mesh: int  # its number
-    number: int  # of the primitive within the mesh
-    material: int | None  # its number
-    attributes: dict[str, int]  # name -> accessor
-    # positions, normals: byte offsets in the buffers. There are either no normals or one for each position.
-    positions: StoredVectors
-    normals: StoredVectors
-    triangles: NDArray[np.int64]  # (m, 3) rows of both
+    format = "gltf"
 
-
-class GltfContainer(MeshFile):
-    """A glTF document with any number of meshes, in one of its containers. Positions are float32."""
-
-    @abstractmethod
     def _unpacked(self) -> tuple[bytes, Piece | None]:
         """Return the JSON, and the buffer in the container, if there is one. Raises ReadError."""
+        return self.data, None
 
-    @abstractmethod
     def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
         """Return the container with other JSON and another buffer, in pieces."""
+        return [text]
 
     @classmethod
-    @abstractmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
         """Return a container, in pieces, for a document and its first buffer if that has no content of its own."""
+        if chunk is not None:
+            document["buffers"][0]["uri"] = embedded(chunk)
+        return [encoded(document)]
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
@@ -203,10 +188,7 @@ class GltfContainer(MeshFile):
         return self._replaced({})[0]
 
     def _replaced(self, names: dict[int, str]) -> tuple[Iterable[Piece], dict[int, Piece]]:
-        """Return the container, in pieces, and the buffers with vertices in separate files, under these names.
-
-        Buffers in separate files that get no name are embedded in the JSON.
-        """
+        """Return the container, in pieces, and the moved buffers that get one of these names; others are embedded."""
         data = bytearray(self._buffers.data)
         self._stored.put(data, self.positions, any_in_rows(self._changed))
         stored = self._stored_normals.read(data)
@@ -250,7 +232,6 @@ class GltfContainer(MeshFile):
         return {**{names[number]: [content] for number, content in buffers.items()}, path: pieces}
 
     def may_write(self, path: Path) -> list[Path]:
-        """Return the paths that `files` may return, also for other positions."""
         return [*self._buffer_names(path).values(), path]
 
     def _buffer_names(self, path: Path) -> dict[int, Path]:
@@ -278,20 +259,17 @@ class GltfContainer(MeshFile):
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""
         sizes, labels = [len(p.triangles) for p in self._primitives], list[Labels]()
-        numbers: dict[str, list[int | None]] = {
-            "mesh": [p.mesh for p in self._primitives],
-            "material": [p.material for p in self._primitives],
-        }
         with _explained():
             for kind, declared in ("mesh", "meshes"), ("material", "materials"):
                 parts = self._document.get(declared, [])
-                names = ["" if n is None else parts[n].get("name", "") for n in numbers[kind]]
+                numbers = [getattr(p, kind) for p in self._primitives]
+                names = ["" if number is None else parts[number].get("name", "") for number in numbers]
                 labels.append(Labels.of_parts(kind, names, sizes))
         return labels
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
         """Return this file in the other container without loss, or None for other formats."""
-        if not issubclass(kind, GltfContainer):
+        if not issubclass(kind, GltfFile):
             return None
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         document, chunk = copy.deepcopy(here._document), None
@@ -301,7 +279,7 @@ class GltfContainer(MeshFile):
             document["buffers"][0].pop("uri", None)
         return kind(b"".join(kind._made(document, chunk)), self.folder)
 
-    def with_patches(self, patches: HolePatches) -> "GltfContainer":
+    def with_patches(self, patches: HolePatches) -> "GltfFile":
         """Return this file with an additional primitive for each patch, with the mesh and material of its surroundings.
 
         Texture coordinates, colours and other values are interpolated from the surroundings. If a patch crosses a seam
@@ -313,33 +291,28 @@ class GltfContainer(MeshFile):
                 stored[self._rows(primitive)] = primitive.normals.read(self._buffers.data)
         inner = self._chunk is not None and "uri" not in self._buffers.declared[0]
         begin, buffer = (len(self._chunk or b""), 0) if inner else (0, len(self._buffers.declared))
+        added = NewAccessors(self._document, buffer=buffer, begin=begin)
+        rows = [self._rows(p) for p in self._primitives]
+        arrays = self.positions, self.welds, stored
         with _explained():
-            places, accessors = self._places(), self._accessors
-            added = Patching(
-                self._document, accessors, places, self.positions, self.welds, stored, patches, begin, buffer
-            )
+            made = Patching(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
         buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
         if inner:
             chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
             buffers[0]["byteLength"] = len(chunk)
         else:
             buffers.append({"byteLength": len(data), "uri": embedded(data)})
-        if added.untextured:
-            what = counted(added.untextured, "patch", "patches")
+        if made.untextured:
+            what = counted(made.untextured, "patch", "patches")
             patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
-        text = encoded({**added.document, "buffers": buffers})
+        text = encoded({**made.document, "buffers": buffers})
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
-
-    def _places(self) -> list[PrimitivePlace]:
-        return [PrimitivePlace(p.mesh, p.number, self._rows(p), len(p.triangles)) for p in self._primitives]
 
     def _read_content(self) -> Content:
         with _explained():
-            shapes = [
-                ShownPrimitive(p.mesh, p.attributes, self.positions[self._rows(p)], p.triangles)
-                for p in self._primitives
-            ]
-            return content_of(self._document, self._accessors, shapes)
+            return content_of(
+                self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
+            )
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -357,21 +330,3 @@ def _explained() -> AbstractContextManager[None]:
     """Convert errors from documents of an unexpected form to ReadError."""
     problem = "the JSON of this file is not valid glTF 2"
     return explained(problem, hint="export the file again", said=lambda error: f"{type(error).__name__}, {error}")
-
-
-class GltfFile(GltfContainer):
-    """A glTF file in JSON, with embedded or separate buffers."""
-
-    format = "gltf"
-
-    def _unpacked(self) -> tuple[bytes, Piece | None]:
-        return self.data, None
-
-    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
-        return [text]
-
-    @classmethod
-    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
-        if chunk is not None:
-            document["buffers"][0]["uri"] = embedded(chunk)
-        return [encoded(document)]

@@ -1,7 +1,4 @@
-"""Add patches that close holes to a glTF document.
-
-Patches are separate primitives whose values are interpolated from their surroundings.
-"""
+"""Add patches that close holes to a glTF document, as primitives with values of their surroundings."""
 
 import copy
 from typing import Any, NamedTuple
@@ -9,25 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.gltf.accessors import COMPONENT_COUNTS, COMPONENT_TYPES, FLOAT, Accessors
+from cascadenorm.io.gltf.accessors import COMPONENT_TYPES, FLOAT, Accessors, NewAccessors, Primitive
 from cascadenorm.io.hole_patches import HolePatches
-from cascadenorm.mesh import box_of, connected_components
 
 COMPRESSED_IN = ("KHR_draco_mesh_compression",)
 COPIED = ("JOINTS_", "WEIGHTS_", "TANGENT")
 """Attributes that are copied from the nearest vertex, since their means would not be valid."""
-UNSIGNED, ALIGNMENT = 5125, 4
-ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-
-
-class PrimitivePlace(NamedTuple):
-    """A primitive in a document."""
-
-    # mesh, number: number of its mesh, and its number within that mesh
-    mesh: int
-    number: int
-    rows: NDArray[np.int64]  # (c,) rows of its vertices in the positions of the file
-    triangles: int  # number of its triangles, which are polygons of the file
 
 
 Key = tuple[str, int, str]
@@ -37,67 +21,52 @@ Key = tuple[str, int, str]
 class Patching:
     """The additions to a document for patches.
 
-    Parameters
-    ----------
-    places
-        Primitives of the file, in the order of its polygons.
-    positions, welds, normals
-        Arrays of the file. Normals are (k, 3), zero where it has none.
-    begin, buffer
-        Byte offset from which the values are stored, and the number of the buffer.
-
-    Attributes
-    ----------
-    document
-        Document with the primitives, accessors, buffer views and materials of the patches.
-    data
-        Bytes to add to the buffer.
-    untextured
-        Number of patches without texture, since they cross a seam of the texture coordinates.
+    `document` gets the primitives and materials of the patches, and `added` their accessors. The primitives of the file
+    are given in the order of its polygons, with the `rows` of their vertices in its positions, and its normals as
+    (k, 3), zero where it has none. `untextured` counts the patches without texture, since they cross a seam of the
+    texture coordinates.
     """
 
     def __init__(
         self,
         document: dict[str, Any],
         accessors: Accessors,
-        places: list[PrimitivePlace],
+        primitives: list[Primitive],
+        rows: list[NDArray[np.int64]],
         positions: NDArray[Any],
         welds: NDArray[np.int32],
         normals: NDArray[np.float64],
         patches: HolePatches,
-        begin: int,
-        buffer: int,
+        added: NewAccessors,
     ) -> None:
-        self._document, self._accessors, self._places, self._patches = document, accessors, places, patches
-        self._begin, self._buffer, self._count = begin, buffer, len(positions)
-        self._positions, self._welds = positions, welds
-        self._lists = {name: list(document.get(name, [])) for name in ("accessors", "bufferViews", "materials")}
-        self.data, self.untextured = bytearray(), 0
+        self._document, self._accessors, self._places, self._patches = document, accessors, primitives, patches
+        self._rows, self._positions, self._welds, self._count = rows, positions, welds, len(positions)
+        self._materials, self._added, self.untextured = list(document.get("materials", [])), added, 0
         self._normals = patches.all_normals(normals)
-        owners = np.repeat(np.arange(len(places)), [place.triangles for place in places])[patches.polygons]
-        parts = _parts(patches.triangles)
-        found = [self._part(parts == number, owners) for number in range(int(parts.max(initial=-1)) + 1)]
+        owners = np.repeat(np.arange(len(rows)), [len(place.triangles) for place in primitives])[patches.polygons]
+        found = [self._part(patches.parts == n, owners) for n in range(int(patches.parts.max(initial=-1)) + 1)]
         further = self._blended(found)
-        primitives: dict[int, list[Any]] = {}
+        of_meshes: dict[int, list[Any]] = {}
         for part in found:
-            place = places[part.place]
-            of_mesh = primitives.setdefault(place.mesh, list(document["meshes"][place.mesh]["primitives"]))
+            mesh = primitives[part.place].mesh
+            of_mesh = of_meshes.setdefault(mesh, list(document["meshes"][mesh]["primitives"]))
             of_mesh.append(self._primitive(part, further))
         meshes = [
-            mesh | ({"primitives": primitives[number]} if number in primitives else {})
+            mesh | ({"primitives": of_meshes[number]} if number in of_meshes else {})
             for number, mesh in enumerate(document["meshes"])
         ]
-        lists = {name: values for name, values in self._lists.items() if values and name in document}
+        lists = {"accessors": added.accessors, "bufferViews": added.views, "materials": self._materials}
+        lists = {name: values for name, values in lists.items() if values and name in document}
         self.document = {**document, "meshes": meshes, **lists}
 
     def _part(self, chosen: NDArray[np.bool_], owners: NDArray[np.int64]) -> "_Part":
         """Return one patch. It is assigned to the primitive that owns most of its nearest faces."""
         number = int(np.bincount(owners[chosen]).argmax())
-        place = self._places[number]
+        rows = self._rows[number]
         vertices, corners = np.unique(self._patches.triangles[chosen], return_inverse=True)
         own = vertices[vertices < self._count]
-        order = np.argsort(self._welds[place.rows], kind="stable")
-        sorted_welds = self._welds[place.rows][order]
+        order = np.argsort(self._welds[rows], kind="stable")
+        sorted_welds = self._welds[rows][order]
         first, last = (np.searchsorted(sorted_welds, self._welds[own], side) for side in ("left", "right"))
         local = np.where(last > first, order[np.minimum(first, len(order) - 1)], -1)
         part = _Part(number, vertices, own, corners.reshape(-1, 3), local, {}, [])
@@ -147,7 +116,7 @@ class Patching:
         like = self._document["meshes"][place.mesh]["primitives"][place.number]
         new = part.vertices[len(part.own) :] - self._count
         positions = np.concatenate([self._positions[part.own], self._patches.positions[new]]).astype("<f4")
-        made: dict[str, Any] = {"attributes": {"POSITION": self._add(positions, bounds=True)}}
+        made: dict[str, Any] = {"attributes": {"POSITION": self._added.add(positions, bounds=True)}}
         if "NORMAL" in like["attributes"]:
             self._add_normals(made["attributes"], part, new, like["attributes"]["NORMAL"])
         targets: list[dict[str, int]] = [{} for _ in like.get("targets", [])]
@@ -158,14 +127,13 @@ class Patching:
             filled = further[key][new]
             if kind.kind != "f":
                 filled = np.clip(np.rint(filled), np.iinfo(kind).min, np.iinfo(kind).max)
-            number = self._add(
+            number = self._added.add(
                 np.concatenate([values.astype(kind), filled.astype(kind)]),
-                component=int(component),
                 normalized=normalized == "True",
                 bounds=target >= 0 and name == "POSITION",
             )
             (targets[target] if target >= 0 else made["attributes"])[name] = number
-        made["indices"] = self._add(part.corners.astype("<u4").reshape(-1, 1), component=UNSIGNED, indices=True)
+        made["indices"] = self._added.add(part.corners.astype("<u4").reshape(-1, 1), indices=True)
         if targets:
             made["targets"] = targets
         kept = {key: value for key, value in like.items() if key not in ("mode", "extensions", *made)}
@@ -181,55 +149,17 @@ class Patching:
         if stored is None or stored.shape[1] != 3:
             return
         own = np.where((part.local >= 0)[:, None], stored[part.local], self._normals[part.own])
-        attributes["NORMAL"] = self._add(np.concatenate([own, self._normals[self._count + new]]).astype("<f4"))
+        normals = np.concatenate([own, self._normals[self._count + new]]).astype("<f4")
+        attributes["NORMAL"] = self._added.add(normals)
 
     def _untextured(self, number: int) -> int:
         """Add a copy of a material without its textures; return its number."""
         self.untextured += 1
-        material = _without_textures(copy.deepcopy(self._lists["materials"][number]))
-        if material in self._lists["materials"]:
-            return self._lists["materials"].index(material)
-        self._lists["materials"].append(material)
-        return len(self._lists["materials"]) - 1
-
-    def _add(
-        self,
-        values: NDArray[Any],
-        *,
-        component: int = FLOAT,
-        normalized: bool = False,
-        bounds: bool = False,
-        indices: bool = False,
-    ) -> int:
-        """Append an accessor with its values, each vector aligned to four bytes; return its number."""
-        self.data += bytes(-(self._begin + len(self.data)) % ALIGNMENT)
-        raw = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
-        step = raw.shape[1] + (0 if indices else -raw.shape[1] % ALIGNMENT)
-        rows = np.zeros((len(values), step), np.uint8)
-        rows[:, : raw.shape[1]] = raw
-        view: dict[str, Any] = {
-            "buffer": self._buffer,
-            "byteOffset": self._begin + len(self.data),
-            "byteLength": rows.size,
-            "target": ELEMENT_ARRAY_BUFFER if indices else ARRAY_BUFFER,
-        }
-        if step > raw.shape[1]:
-            view["byteStride"] = step
-        self.data += rows.tobytes()
-        accessor: dict[str, Any] = {
-            "bufferView": len(self._lists["bufferViews"]),
-            "componentType": component,
-            "count": len(values),
-            "type": next(name for name, count in COMPONENT_COUNTS.items() if count == values.shape[1]),
-        }
-        if normalized:
-            accessor["normalized"] = True
-        if bounds:
-            lower, upper = box_of(values.astype(np.float32))
-            accessor |= {"min": lower.tolist(), "max": upper.tolist()}
-        self._lists["bufferViews"].append(view)
-        self._lists["accessors"].append(accessor)
-        return len(self._lists["accessors"]) - 1
+        material = _without_textures(copy.deepcopy(self._materials[number]))
+        if material in self._materials:
+            return self._materials.index(material)
+        self._materials.append(material)
+        return len(self._materials) - 1
 
 
 class _Part(NamedTuple):
@@ -242,16 +172,6 @@ class _Part(NamedTuple):
     local: NDArray[np.int64]  # for each of `own` the vertex of the primitive; -1 if there is none
     values: dict[Key, NDArray[Any]]  # values of `own`, by attribute
     seams: list[str]  # names of texture coordinates for which a vertex has several values, or none
-
-
-def _parts(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return (b,) the patch of each triangle. Triangles of a patch are connected by shared edges."""
-    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    _, side = np.unique(sides, axis=0, return_inverse=True)
-    order = np.argsort(side.ravel(), kind="stable")
-    same = np.diff(side.ravel()[order]) == 0
-    links = np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
-    return np.unique(connected_components(links, len(triangles)), return_inverse=True)[1].ravel()
 
 
 def _without_textures(value: Any) -> Any:

@@ -1,7 +1,4 @@
-"""PLY in text or binary of either byte order.
-
-All elements, properties and comments are kept.
-"""
+"""PLY in text or binary of either byte order. All elements, properties and comments are kept."""
 
 import os
 import re
@@ -14,8 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS
-from cascadenorm.io.content import Content, Positions
+from cascadenorm.io.content import CHANNELS, Content, Positions
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows

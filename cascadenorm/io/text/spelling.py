@@ -1,7 +1,4 @@
-"""Format numbers with the fewest digits that restore their value.
-
-The layout is that of Python and numpy.
-"""
+"""Format numbers with the fewest digits that restore their value, in the layout of Python and numpy."""
 
 from collections.abc import Iterator
 from itertools import chain

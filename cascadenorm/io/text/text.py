@@ -1,7 +1,4 @@
-"""Text files as words with known positions.
-
-Single numbers can therefore be replaced without any other change.
-"""
+"""Text files as words with known positions, so that numbers can be replaced without any other change."""
 
 import re
 from collections.abc import Iterator
@@ -23,14 +20,8 @@ SPACE = 32  # white space is at most this byte and follows each word except the 
 class Text:
     """The words of a text and its non-empty lines. A word that begins with # ends its line.
 
-    Attributes
-    ----------
-    data
-        The original text.
-    starts, ends
-        (w,) byte offsets of the words; int32 in texts below 2 GiB, which halves the memory.
-    first, stop
-        (l,) the first word of each line, and the word after its last one.
+    `starts` and `ends`, (w,), are the byte offsets of the words; `first` and `stop`, (l,), the first word of each line
+    and the word after its last one. They are int32 in texts below 2 GiB, which halves the memory.
     """
 
     def __init__(self, data: bytes, *, start: int = 0, continued: bool = False) -> None:
@@ -61,15 +52,13 @@ class Text:
         return 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
 
     def word(self, index: int) -> bytes:
-        """Return a word."""
         return self.data[int(self.starts[index]) : int(self.ends[index])]
 
     def significant_digits(self, words: Offsets) -> int:
         """Return the largest number of significant digits in a sample of about a thousand of the words."""
         sample = words[:: max(1, len(words) // 1000)]
         places = zip(self.starts[sample].tolist(), self.ends[sample].tolist(), strict=True)
-        mantissas = (re.split(rb"[eE]", self.data[start:end])[0] for start, end in places)
-        return max((len(re.sub(rb"\D", b"", word).strip(b"0")) for word in mantissas), default=0)
+        return max((digits_of(self.data[start:end]) for start, end in places), default=0)
 
     def columns(self, lines: Offsets, count: int, *, start: int = 1) -> Offsets:
         """Return `count` words of each line from number `start` on, (l, count). Raises ReadError if there are fewer."""
@@ -129,6 +118,11 @@ class Text:
                 f"line {self.line_number(start)}: {_shown(word)} is not a number: "
                 "correct this line, or export the file again"
             ) from None
+
+
+def digits_of(word: bytes) -> int:
+    """Return the number of significant digits of a number."""
+    return len(re.sub(rb"\D", b"", re.split(rb"[eE]", word)[0]).strip(b"0"))
 
 
 def as_short(values: NDArray[Any], digits: int) -> NDArray[Any]:

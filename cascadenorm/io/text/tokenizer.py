@@ -136,10 +136,7 @@ def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets,
 
 @kernel
 def _quotient(whole: int, power: float) -> float:
-    """Divide an integer below MOST by an exact power of ten with correct rounding; nan if that is not certain.
-
-    The division uses double-double arithmetic (Dekker 1971).
-    """
+    """Divide an integer below MOST by an exact power of ten (Dekker 1971); nan if rounding is not certain."""
     high = float(whole)
     low = float(whole - int(high))
     first = high / power

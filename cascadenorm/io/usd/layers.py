@@ -1,26 +1,24 @@
-"""Read, copy and write the layers of a USD file.
-
-Layers are stored as text, binary or an archive.
-"""
+"""Read, copy and write the layers of a USD file: text, binary or an archive."""
 
 import posixpath
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from struct import Struct
 from typing import Any
 
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.libraries import explained, unzipped
-from cascadenorm.io.references import is_within
+from cascadenorm.io.sidecar_files import is_within
 
 CRATE = b"PXR-USDC"
 """First bytes of a binary layer."""
 TEXT = b"#usda"
 """First bytes of a text layer."""
 EXTENSIONS = (".usd", ".usda", ".usdc")
-SECTION = 32
-"""Size in bytes of an entry in the table of contents of a binary layer: name, begin, size."""
+ENTRY = Struct("<16sQQ")
+"""An entry in the table of contents of a binary layer: name, begin, size."""
 COUNTED = (b"TOKENS", b"STRINGS", b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
 """Sections of a binary layer that begin with the number of their entries."""
 MOST_PER_BYTE = 1024
@@ -68,7 +66,6 @@ def opened(files: Mapping[str, bytes]) -> Layers:
 
 
 def copied(layer: Any) -> Any:
-    """Return an independent copy of a layer."""
     from pxr import Sdf
 
     copy = Sdf.Layer.CreateAnonymous(".usda")
@@ -101,16 +98,18 @@ def packed(files: Mapping[str, bytes]) -> bytes:
 
 
 def layers_named_by(layer: Any) -> list[str]:
-    """Return the paths of the other layers that a layer consists of.
-
-    For a damaged layer that lists prims it does not have, only sublayers are returned: OpenUSD would abort.
-    """
-    paths: list[Any] = []
-    layer.Traverse("/", paths.append)
-    prims = [layer.GetObjectAtPath(path) for path in paths if path.IsPrimPath()]
+    """Return the paths of other layers that a layer consists of, only sublayers if it is damaged."""
+    prims = _prims(layer)
     if not prims or not all(prims):
         return list(layer.subLayerPaths)
     return list(layer.GetCompositionAssetDependencies())
+
+
+def _prims(layer: Any) -> list[Any]:
+    """Return the prims of a layer; None for those that a damaged layer lists but does not have."""
+    paths: list[Any] = []
+    layer.Traverse("/", paths.append)
+    return [layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath()]
 
 
 def references(layer: Any) -> list[str]:
@@ -137,9 +136,7 @@ def without_files_outside(layers: Layers) -> tuple[Layers, list[str]]:
                 if path and target(path, name, layers) is None:
                     layer.UpdateCompositionAssetDependency(path, "")
                     left_out[path] = None
-            paths: list[Any] = []
-            layer.Traverse("/", paths.append)
-            for prim in (layer.GetPrimAtPath(path) for path in paths if path.IsPrimPath()):
+            for prim in _prims(layer):
                 if prim is not None and prim.HasInfo("clips"):  # value clips in other files
                     prim.ClearInfo("clips")
     return kept, list(left_out)
@@ -164,21 +161,16 @@ def quiet() -> Iterator[None]:
 
 
 def _check_sections(data: bytes) -> None:
-    """Raise ReadError if a section of a binary layer exceeds the file or declares more entries than it can hold.
-
-    OpenUSD checks neither. It would crash, or allocate memory for billions of entries.
-    """
+    """Raise ReadError if a section exceeds the file or declares too many entries, at which OpenUSD would crash."""
     place = int.from_bytes(data[16:24], "little")
     count = int.from_bytes(data[place : place + 8], "little")
-    table = data[place + 8 : place + 8 + SECTION * min(count, len(data))]
-    rows = [table[at + 16 : at + SECTION] for at in range(0, len(table), SECTION)]
-    ends = [int.from_bytes(row[:8], "little") + int.from_bytes(row[8:], "little") for row in rows]
-    if not count or len(table) < SECTION * count or max(ends) > len(data):
+    table = data[place + 8 : place + 8 + ENTRY.size * min(count, len(data))]
+    sections = [ENTRY.unpack_from(table, at) for at in range(0, len(table) - ENTRY.size + 1, ENTRY.size)]
+    if not count or len(sections) < count or max(begin + size for _, begin, size in sections) > len(data):
         raise ReadError("the file is truncated or damaged: a section of it runs past its end")
-    for row in range(0, len(table), SECTION):
-        name = table[row : row + 16].rstrip(b"\0")
-        begin, size = (int.from_bytes(table[row + at : row + at + 8], "little") for at in (16, 24))
-        if name in COUNTED and int.from_bytes(data[begin : begin + 8], "little") > MOST_PER_BYTE * size:
+    for name, begin, size in sections:
+        entries = int.from_bytes(data[begin : begin + 8], "little")
+        if name.rstrip(b"\0") in COUNTED and entries > MOST_PER_BYTE * size:
             raise ReadError("the file is damaged: a section of it declares more entries than it can hold")
 
 

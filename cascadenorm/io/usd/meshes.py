@@ -55,10 +55,7 @@ def _meshes_in(name: str, layer: Any) -> Iterator[LayerMesh]:
 
 
 def value(prim: Any, name: str) -> Any:
-    """Return the value of an attribute, as an array if possible, or None if there is none.
-
-    Raises ReadError if it has several time samples.
-    """
+    """Return an attribute, as an array if possible, or None. Raises ReadError if it has several time samples."""
     attribute = prim.attributes.get(name)
     if attribute is None:
         return None
@@ -98,10 +95,7 @@ def oriented_polygons(counts: Any, corners: Any, reverses: bool, name: str) -> t
 
 
 def normal_rows(mesh: LayerMesh, name: str) -> tuple[NDArray[Any], NDArray[np.int64]] | None:
-    """Return the normals of a mesh under a name, (j, 3), and the row that each corner uses, or -1.
-
-    Returns None if there are none, or a single one for all faces.
-    """
+    """Return normals with a name, (j, 3), and their row for each corner or -1; None if there are none."""
     try:
         normals, indices = value(mesh.prim, name), value(mesh.prim, f"{name}:indices")
     except ReadError:  # animated normals are not changed

@@ -1,6 +1,7 @@
 """Convert a USD scene to one mesh and a mesh to a scene."""
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, Values, joined, values_of_vertices
@@ -31,10 +31,7 @@ PRIM = 1000
 
 
 def content_of(layers: Layers, size: int) -> Content:
-    """Return the meshes of a scene, transformed, once for each time that the scene shows them.
-
-    The first layer is the root. Nothing outside the layers is read. `size` is the number of bytes of the file.
-    """
+    """Return the meshes that a scene shows, whose root is the first layer, reading nothing else; `size` is in bytes."""
     from pxr import Usd
 
     inside, outside = without_files_outside(layers)
@@ -53,10 +50,10 @@ def content_of(layers: Layers, size: int) -> Content:
         content = _content(stage, size)
         del stage
     lost = (f"the file {path!r} that it references" for path in outside)
-    return Content(*content[:4], left_out=(*lost, *content[4]))
+    return replace(content, left_out=(*lost, *content.left_out))
 
 
-def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Values, list[str]]:
+def _content(stage: Any, size: int) -> Content:
     from pxr import Usd, UsdGeom
 
     cache = UsdGeom.XformCache()
@@ -72,7 +69,7 @@ def _content(stage: Any, size: int) -> tuple[NDArray[Any], Polygons, Values, Val
     kinds = {str(prim.GetTypeName()) for prim in everything}
     left_out = [what for kind, what in KEPT_ELSEWHERE.items() if kind in kinds]
     left_out += [what for name, what in METADATA.items() if stage.HasAuthoredMetadata(name)]
-    return *joined(shown), left_out
+    return Content(*joined(shown), left_out=tuple(left_out))
 
 
 def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:

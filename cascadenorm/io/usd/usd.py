@@ -1,8 +1,4 @@
-"""USD files: replace points and normals in their layers and keep everything else.
-
-Points are those of the meshes themselves, before the transforms of the scene. Each mesh of a layer is moved once, even
-if the scene shows it several times. Layers in other files are not read.
-"""
+"""USD files: replace points and normals, as they are before the transforms of the scene, and keep all else."""
 
 from collections.abc import Iterable
 
@@ -32,7 +28,6 @@ from cascadenorm.io.usd.layers import (
 from cascadenorm.io.usd.meshes import NORMALS, meshes_of, normal_rows, put, value
 from cascadenorm.io.usd.scene import content_of, stage_of
 from cascadenorm.mesh import any_in_rows, box_of
-from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons
 
 
@@ -40,6 +35,7 @@ class UsdFile(MeshFile):
     """A text or binary layer. Positions are float32, in the frame of each mesh."""
 
     format = "usd"
+    needs = ("pxr", "usd-core", "usd")
     moving_loses = ("what OpenUSD does not keep (comments, layout)",)
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
@@ -92,39 +88,26 @@ class UsdFile(MeshFile):
 
     def _renew_normals(self, layers: Layers, name: str) -> None:
         """Replace the normals with one name that changed, in copies of the layers."""
-        rows, count = [normal_rows(mesh, name) for mesh in self._meshes], 0
-        values, corners = list[NDArray[np.float64]](), list[NDArray[np.int64]]()
-        for mesh, found in zip(self._meshes, rows, strict=True):
-            if found is None:
-                corners.append(np.full(len(mesh.polygons.corners), -1))
-            else:
-                values.append(found[0].astype(np.float64))
-                corners.append(np.where(found[1] >= 0, found[1] + count, -1))
-                count += len(found[0])
-        if not count:
-            return
-        stored = np.concatenate(values)
-        normals, renewed = self._renewed(Normals(stored, self._at_triangles(np.concatenate(corners))))
-        begin = 0
-        for mesh, found in zip(self._meshes, rows, strict=True):
-            if found is not None:
-                here = slice(begin, begin + len(found[0]))
-                begin = here.stop
-                if renewed[here].any():
-                    mixed = np.where(renewed[here, None], normals[here], found[0])
-                    put(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
+        found = [normal_rows(mesh, name) for mesh in self._meshes]
+        tables = {number: rows[0] for number, rows in enumerate(found) if rows is not None}
+        none = (np.full(len(mesh.polygons.corners), -1) for mesh in self._meshes)
+        corners = [missing if rows is None else rows[1] for rows, missing in zip(found, none, strict=True)]
+        starts, normals, renewed = self._renewed_tables(tables, enumerate(corners))
+        for number, start in starts.items():
+            here, mesh = slice(start, start + len(tables[number])), self._meshes[number]
+            if renewed[here].any():
+                mixed = np.where(renewed[here, None], normals[here], tables[number])
+                put(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of other layers and of textures, which are not changed."""
         return dict.fromkeys(references(self._layers[next(iter(self._layers))]), False)
 
     def face_labels(self) -> list[Labels]:
-        """Return the names of meshes."""
         sizes = [len(mesh.polygons) for mesh in self._meshes]
         return [Labels.of_parts("mesh", [mesh.prim.name for mesh in self._meshes], sizes)]
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
-        """Return this layer in another layer format without loss, or None for other formats."""
         if not issubclass(kind, UsdFile) or UsdzFile in (kind, type(self)):
             return None
         layer = self._moved().get(next(iter(self._layers)), next(iter(self._layers.values())))
@@ -165,10 +148,6 @@ class UsdzFile(UsdFile):
     def refers_to(self) -> dict[str, bool]:
         """Return nothing, since an archive contains the files that it references."""
         return {}
-
-
-USD = {kind.format: kind for kind in (UsdFile, UsdaFile, UsdcFile, UsdzFile)}
-"""Formats by their extensions."""
 
 
 def layer_format(data: bytes) -> str:

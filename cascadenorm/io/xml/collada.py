@@ -1,8 +1,4 @@
-"""COLLADA: replace coordinates and normals in place and keep everything else.
-
-Positions are those of the geometries themselves, before the transforms of nodes. Each geometry is moved once, even if
-several nodes show it.
-"""
+"""COLLADA: replace coordinates and normals, as they are before the transforms of nodes, and keep all else."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -12,8 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
-from cascadenorm.io.colors import CHANNELS, TEXTURE, Look, as_bytes
-from cascadenorm.io.content import Content, Labels
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Labels, Look, as_bytes
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
 from cascadenorm.io.text.spelling import lines_of, replace_words
@@ -21,7 +16,6 @@ from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.xml.collada_nodes import instances
 from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
 from cascadenorm.mesh import repeats_vertex
-from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
@@ -145,42 +139,29 @@ class ColladaFile(MeshFile):
         )
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        changed, edits = self._changed, list[Edit]()
-        for id in self._sources:
-            array = self._arrays[id]
-            rows = slice(self._first[id], self._first[id] + len(array.values))
-            new = changed[rows]
-            if new.any():
-                edits.append(_edit(array, array.words[new], self.positions[rows][new]))
-        edits += self._normal_edits()
+        edits = self._edits(self._first, self._changed, self.positions) + self._normal_edits()
         if len({begin for begin, _, _ in edits}) < len(edits):
             raise ReadError("positions and normals of this COLLADA file share an array: export it again")
         return edited(self.data, sorted(edits))
+
+    def _edits(self, starts: dict[str, int], new: NDArray[np.bool_], values: NDArray[Any]) -> list[Edit]:
+        """Return the edits of sources that begin at these rows of the values, where `new` ones replace old ones."""
+        edits = []
+        for id, start in starts.items():
+            array = self._array(id)
+            rows = slice(start, start + len(array.values))
+            if new[rows].any():
+                edits.append(_edit(array, array.words[new[rows]], values[rows][new[rows]]))
+        return edits
 
     def _normal_edits(self) -> list[Edit]:
         used = [part.others.get("NORMAL") for part in self._parts]
         ids = [id for id in dict.fromkeys(found[0] for found in used if found) if id in self._by_id]
         ids = [id for id in ids if self._array(id).values.shape[1] == 3]
-        if not ids:
-            return []
-        first = dict(zip(ids, np.cumsum([0, *(len(self._array(id).values) for id in ids)]).tolist(), strict=False))
-        corners = []
-        for part, found in zip(self._parts, used, strict=True):
-            row = np.full(len(part.polygons.corners), -1)
-            if found and found[0] in first:
-                bad = (found[1] < 0) | (found[1] >= len(self._array(found[0]).values))
-                row = np.where(bad, -1, found[1] + first[found[0]])
-            corners.append(row)
-        stored = np.concatenate([self._array(id).values for id in ids])
-        normals, renewed = self._renewed(Normals(stored, self._at_triangles(np.concatenate(corners))))
-        edits = []
-        for id in ids:
-            array = self._arrays[id]
-            rows = slice(first[id], first[id] + len(array.values))
-            if renewed[rows].any():
-                words = array.words[renewed[rows]]
-                edits.append(_edit(array, words, normals[rows][renewed[rows]].astype(np.float32)))
-        return edits
+        none = (("", np.full(len(part.polygons.corners), -1)) for part in self._parts)
+        corners = [found or missing for found, missing in zip(used, none, strict=True)]
+        starts, normals, renewed = self._renewed_tables({id: self._array(id).values for id in ids}, corners)
+        return self._edits(starts, renewed, np.where(renewed[:, None], normals, 0).astype(np.float32))
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of images, which are not changed."""
@@ -236,13 +217,11 @@ class ColladaFile(MeshFile):
         for semantic, width, names in (("COLOR", 3, CHANNELS), ("TEXCOORD", 2, TEXTURE)):
             columns = [self._at_corners(part, semantic, width) for part in parts]
             stored = [column for column in columns if column is not None]
-            found: NDArray[Any] | None = None
-            if len(stored) == len(parts):
-                found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
-            if found is not None and semantic == "COLOR":
-                found = as_bytes(found)
+            if len(stored) < len(parts):
+                continue
+            found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
             if found is not None:
-                values |= dict(zip(names, found.T, strict=False))
+                values |= dict(zip(names, (as_bytes(found) if semantic == "COLOR" else found).T, strict=False))
         return Shown(self.positions[first : first + count], polygons, values)
 
     def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:

@@ -1,7 +1,4 @@
-"""The scene graph of a COLLADA document.
-
-Nodes show geometries, other nodes, and skinned geometries.
-"""
+"""The scene graph of a COLLADA document: nodes with geometries, other nodes, and skinned geometries."""
 
 from collections.abc import Callable
 

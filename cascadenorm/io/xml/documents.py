@@ -1,7 +1,4 @@
-"""XML documents as elements with known byte positions.
-
-Single numbers can therefore be replaced without any other change.
-"""
+"""XML documents as elements with known byte positions, so that numbers can be replaced without other changes."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -19,10 +16,7 @@ Edit = tuple[int, int, bytes]
 
 
 class Element:
-    """An element of a document.
-
-    Its name is without namespace; names of attributes in another namespace are preceded by it and a space.
-    """
+    """An element: its name without namespace, and attributes, with a namespace and a space if they have one."""
 
     def __init__(self, data: bytes, name: str, attributes: dict[str, str], at: int) -> None:
         self.name, self.attributes, self.children = name, attributes, list[Element]()
@@ -69,11 +63,7 @@ class Element:
 
 
 def parse(data: bytes, start: Callable[[str, dict[str, str], int], None], end: Callable[[str, int], None]) -> None:
-    """Call functions at the start and the end of each element. Raises ReadError for invalid XML.
-
-    `start` gets the name, preceded by its namespace and a space, the attributes, and the byte offset of the element;
-    `end` gets the name and the byte offset of the end tag.
-    """
+    """Call `start` with the full name, attributes and offset of each element, and `end` with its name and offset."""
     if data.startswith(UTF_16):
         raise ReadError("the XML of this file is UTF-16, which is not supported: save it as UTF-8")
     parser = expat.ParserCreate(namespace_separator=" ")

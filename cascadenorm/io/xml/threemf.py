@@ -1,16 +1,11 @@
-"""3MF: replace coordinates in the models of the archive and keep everything else.
-
-Positions are those of the objects themselves, before the transforms of components and of the build. Each object is
-moved once, even if several others contain it.
-"""
+"""3MF: replace coordinates, as they are before the transforms of the build, and keep everything else."""
 
 import posixpath
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import ZipFile, ZipInfo
 
 import numpy as np
@@ -22,7 +17,7 @@ from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
-from cascadenorm.io.text.text import as_short
+from cascadenorm.io.text.text import as_short, digits_of
 from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
@@ -36,13 +31,8 @@ SAMPLE = 1000
 
 Reference = tuple[str, str]
 """Model and id of an object."""
-
-
-class Use(NamedTuple):
-    """An object as part of another one or of the build."""
-
-    object: Reference
-    matrix: Matrix
+Use = tuple[Reference, Matrix]
+"""An object as part of another one or of the build, with its transform."""
 
 
 class Model:
@@ -58,7 +48,7 @@ class Model:
         try:
             parse(data, self._start, self._end)
             for found in self.objects.values():
-                found.triangles  # noqa: B018 - may overflow
+                found.polygons  # noqa: B018 - may overflow
         except KeyError as error:
             raise ReadError(f"an element of this 3mf file lacks the attribute {error}: export the file again") from None
         except OverflowError:
@@ -77,7 +67,7 @@ class Model:
             words = attributes["x"], attributes["y"], attributes["z"]
             into.coordinates += map(float, words)
             if len(into.places) < SAMPLE:
-                into.digits = max(into.digits, *map(_digits, words))
+                into.digits = max(into.digits, *(digits_of(word.encode()) for word in words))
         elif name == "triangle" and into is not None:
             into.corners += (int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]))
         elif name == "object":
@@ -99,7 +89,7 @@ class Model:
             if numbers.shape != (12,):
                 raise ReadError("a transform of this 3mf file has not 12 numbers: export the file again")
             matrix[:3] = numbers.reshape(4, 3).T
-        return Use((attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix)
+        return (attributes.get(PATH, self.name).lstrip("/"), attributes["objectid"]), matrix
 
 
 @dataclass
@@ -113,10 +103,15 @@ class Object:
     corners: list[int] = field(default_factory=list)  # three numbers for each triangle
     components: list[Use] = field(default_factory=list)
 
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """(k, 3), after the model is parsed."""
+        return np.array(self.coordinates).reshape(-1, 3)
+
     @cached_property
-    def triangles(self) -> NDArray[np.int64]:
-        """(m, 3) corners, after the model is parsed."""
-        return np.array(self.corners, np.int64).reshape(-1, 3)
+    def polygons(self) -> Polygons:
+        """The triangles, after the model is parsed."""
+        return Polygons.from_rows(np.array(self.corners, np.int64).reshape(-1, 3))
 
 
 class ThreemfFile(MeshFile):
@@ -141,9 +136,7 @@ class ThreemfFile(MeshFile):
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         digits = max(found.digits for _, found in self._objects)
-        coordinates = (np.array(found.coordinates).reshape(-1, 3) for _, found in self._objects)
-        meshes = zip(coordinates, (Polygons.from_rows(found.triangles) for _, found in self._objects), strict=True)
-        positions, polygons, *_ = joined([Shown(*mesh) for mesh in meshes])
+        positions, polygons, *_ = joined([Shown(found.vertices, found.polygons) for _, found in self._objects])
         return as_short(positions, digits), polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
@@ -161,9 +154,8 @@ class ThreemfFile(MeshFile):
         return [_repacked(self.data, new)]
 
     def face_labels(self) -> list[Labels]:
-        """Return the names of objects."""
         objects = [found for _, found in self._objects]
-        return [Labels.of_parts("object", [one.name for one in objects], [len(one.triangles) for one in objects])]
+        return [Labels.of_parts("object", [one.name for one in objects], [len(one.polygons) for one in objects])]
 
     def _read_content(self) -> Content:
         number = {reference: row for row, (reference, _) in enumerate(self._objects)}
@@ -174,8 +166,8 @@ class ThreemfFile(MeshFile):
             return found.components if found else []
 
         def nbytes(reference: Reference) -> int:
-            row = number.get(reference)
-            return 0 if row is None else self._nbytes(row)
+            found = self._objects[number[reference]][1] if reference in number else None
+            return 24 * (len(found.places) + len(found.polygons)) if found else 0
 
         build = self._models[self._root].build if self._root in self._models else []
         places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in number]
@@ -187,14 +179,9 @@ class ThreemfFile(MeshFile):
             left_out.append("objects that the build does not contain")
         return Content(*joined(shown), left_out=tuple(left_out))
 
-    def _nbytes(self, row: int) -> int:
-        found = self._objects[row][1]
-        return 24 * (len(found.places) + len(found.triangles))
-
     def _shape(self, row: int) -> Shown:
         first, found = self._first[row], self._objects[row][1]
-        positions = self.positions[first : first + len(found.places)]
-        return Shown(positions, Polygons.from_rows(found.triangles))
+        return Shown(self.positions[first : first + len(found.places)], found.polygons)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -210,11 +197,6 @@ class ThreemfFile(MeshFile):
                 entry.compress_type = 8
                 archive.writestr(entry, data)
         return [made.getvalue()], content.lost_as_triangles(single=False)
-
-
-def _digits(word: str) -> int:
-    """Return the number of significant digits of a number."""
-    return len(re.sub(r"\D", "", re.split("[eE]", word)[0]).strip("0"))
 
 
 def _root_of(relations: bytes, names: list[str]) -> str:

@@ -15,8 +15,8 @@ from cascadenorm.api.training_pairs import write_pairs
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.evaluation.harness import evaluate
-from cascadenorm.execution import cluster_map
-from cascadenorm.execution.cluster_map import on_cluster
+from cascadenorm.execution import cluster as dask_cluster
+from cascadenorm.execution.cluster import on_cluster
 from cascadenorm.io.interop import save_mesh
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
@@ -112,13 +112,13 @@ def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatc
         evaluate("pairs", methods="taubin", noise=0.1, scheduler=cluster[0])
     with pytest.raises(ParameterError, match=r"workers is 2; at .* all workers of the cluster work: leave it out"):
         evaluate("pairs", methods="taubin", workers=2, scheduler=cluster[0])
-    monkeypatch.setattr(cluster_map, "__version__", "0.0.1")
+    monkeypatch.setattr(dask_cluster, "__version__", "0.0.1")
     with pytest.raises(WorkerError, match=r"has cascadenorm .*, and here is 0\.0\.1"):
         write_pairs(tmp_path / "out", count=1, seed=0, scheduler=cluster[0])
 
 
 def test_a_cluster_without_workers_is_given_up(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster_map, "WORKER_TIMEOUT_S", 1.0)
+    monkeypatch.setattr(dask_cluster, "WORKER_TIMEOUT_S", 1.0)
     options = {"n_workers": 0, "processes": False, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(**options) as empty, pytest.raises(WorkerError, match="has had no worker for 1 seconds"):
         write_pairs(tmp_path / "out", count=1, seed=0, scheduler=empty.scheduler_address)
