@@ -94,7 +94,9 @@ def print_filling(target: Path, done: "Filling", max_edges: int | None) -> None:
 
 def _option(name: str, value: object) -> str:
     option = OPTIONS[name].option.removeprefix("--")
-    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else value
+    if isinstance(value, list | tuple):
+        value = ", ".join(map(str, value))
+    text = f"{value:g}" if isinstance(value, float) else value
     return option if OPTIONS[name].about.flag else f"{option} {text}"
 
 
