@@ -17,7 +17,7 @@ from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
-from cascadenorm.errors import ParameterError
+from cascadenorm.errors import OutputError, ParameterError
 from cascadenorm.execution.memory import (
     FACE_BYTES,
     OTHER_FACE_BYTES,
@@ -100,7 +100,12 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
             hint="to name the file that is written call denoise_file(source, output)",
         )
     if faces is None and isinstance(mesh, str | PathLike):
-        done = denoise_file_with_meshes(fspath(mesh), method=method, parameters=parameters, **controls)
+        try:
+            done = denoise_file_with_meshes(fspath(mesh), method=method, parameters=parameters, **controls)
+        except OutputError as error:
+            if error.remedy is not None:  # force, which is an argument of `denoise_file` only
+                error.hint, error.remedy = "call denoise_file(source, output), with force=True to overwrite", None
+            raise
         return Path(done.summary.output)
     with limit_threads(controls["threads"]):
         given = SeamlessMesh.of(mesh if faces is None else (mesh, faces), isolate=controls["on_bad"] == "isolate")

@@ -242,9 +242,9 @@ def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
     if not isinstance(source, str | PathLike):
         return
     name = fspath(source)
-    batch = "`cascadenorm batch`, in Python denoise_files"
+    batch = "`cascadenorm batch` or, in Python, denoise_files"
     if is_url(name):
-        raise ReadError(f"{name} is a URL, and one file of this machine is denoised here", hint=f"use {batch}")
+        raise ReadError(f"{name} is a URL, and only local files can be denoised one at a time", hint=f"use {batch}")
     if os.path.isdir(name):
         hint = f"give the name of a mesh file in it, or for all of them use {batch}"
         raise ReadError(f"{name} is a folder", hint=hint)

@@ -59,13 +59,14 @@ def run(arguments: Sequence[str]) -> int:
         return FAILED
     except USAGE_ERROR as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
+        message = _with_value(message.removeprefix("Invalid value: "), error, arguments)
         if message:  # empty if help was requested and printed
             context = getattr(error, "ctx", None)
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:
                 message += "; to denoise several files use `cascadenorm batch`"
             if "No such command" in message and os.path.exists(arguments[0]):
                 message = f"{arguments[0]} is no command: to denoise it, use `cascadenorm denoise {arguments[0]}`"
-            command = context.command_path if context else f"cascadenorm {call.name}" if call else "cascadenorm"
+            command = context.command_path if context else f"cascadenorm {arguments[0]}"
             complain(f"{message.rstrip('.')} (see `{command} --help`)")
         return USAGE
     except Exception as error:
@@ -77,6 +78,19 @@ def run(arguments: Sequence[str]) -> int:
         if exit_code(error) == OUTPUT:
             _discard_stdout()
         return exit_code(error)
+
+
+def _with_value(message: str, error: Exception, arguments: Sequence[str]) -> str:
+    """Return a message with the value of an option that is not a number, which newer versions of typer omit."""
+    if "unable to parse" not in message and "is not a valid" not in message:
+        return message
+    number = "a whole number" if "integer" in message else "a number"
+    for option in getattr(getattr(error, "param", None), "opts", ()):
+        for place, word in enumerate(arguments):
+            name, equals, value = word.partition("=")
+            if name == option:
+                return f"{name} is {(value if equals else arguments[place + 1])!r}; it must be {number}"
+    return message
 
 
 def _called(call: PlainCall) -> int:

@@ -59,8 +59,8 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
         complain(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
     if done.nearly_coincident:
-        near = counted(done.nearly_coincident, "boundary vertex coincides", "boundary vertices coincide")
-        complain(f"{near} with another one but for 0.001 edges: --weld '0.001 edges' joins them")
+        near = counted(done.nearly_coincident, "boundary vertex lies", "boundary vertices lie")
+        complain(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
     print_left_out(done.left_out)
 
 
@@ -94,7 +94,9 @@ def print_filling(target: Path, done: "Filling", max_edges: int | None) -> None:
 
 def _option(name: str, value: object) -> str:
     option = OPTIONS[name].option.removeprefix("--")
-    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else value
+    if isinstance(value, list | tuple):
+        value = ", ".join(map(str, value))
+    text = f"{value:g}" if isinstance(value, float) else value
     return option if OPTIONS[name].about.flag else f"{option} {text}"
 
 

@@ -13,6 +13,7 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.vtk_sizes import check_legacy_counts, check_xml_arrays
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
 
@@ -46,6 +47,7 @@ class PolyDataFile(MeshFile):
     def _load(self) -> Any:
         from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+        check_xml_arrays(self.data)
         return self._read_by(vtkXMLPolyDataReader())
 
     def _read_by(self, reader: Any) -> Any:
@@ -117,6 +119,7 @@ class LegacyPolyDataFile(PolyDataFile):
     def _load(self) -> Any:
         from vtkmodules.vtkIOLegacy import vtkPolyDataReader
 
+        check_legacy_counts(self.data)
         reader = vtkPolyDataReader()
         for kind in ("Scalars", "Vectors", "Normals", "Tensors", "TCoords", "Fields"):
             getattr(reader, f"ReadAll{kind}On")()
@@ -180,14 +183,17 @@ def _written_by(writer: Any, surface: Any, format: str) -> bytes:
 
 def _run(work: Any) -> str:
     """Call a function of VTK. Returns the first error that it reports, or an empty string."""
-    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 
     window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     vtkOutputWindow.SetInstance(window)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it prints errors besides the window
     try:
         work()
     finally:
         vtkOutputWindow.SetInstance(before)
+        vtkLogger.SetStderrVerbosity(verbosity)
     lines = [line.strip() for line in str(window.GetOutput()).splitlines()]
     errors = [i for i, line in enumerate(lines) if line.upper().startswith("ERROR")]
     if not errors:

@@ -5,6 +5,8 @@ import math
 import re
 import tempfile
 from collections.abc import Callable, Iterable
+from contextlib import redirect_stderr
+from io import StringIO
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,6 +23,8 @@ from cascadenorm.mesh.polygons import Polygons
 
 FACE_CELLS = ("triangle", "quad", "polygon")
 BESIDE = ("line", "vertex", "polyline", "poly_vertex")
+SKIPPED = re.compile(r"cannot handle|skipping|couldn't be processed", re.I)
+"""Warnings of meshio about content that it does not read."""
 GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 
 
@@ -60,10 +64,17 @@ class MeshioFile(MeshFile):
             points = math.prod(map(int, grid[1].split()))
             check_expansion(100 * points, len(self.data), "the points of this grid")
 
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder, redirect_stderr(StringIO()) as said:
             path = Path(folder) / f"grid.{self.format}"
             path.write_bytes(self.data)
-            return getattr(meshio, self.module).read(path)
+            grid = getattr(meshio, self.module).read(path)
+        warnings = [text.strip(" .") for text in " ".join(said.getvalue().split()).split("Warning: ")[1:]]
+        for warning in dict.fromkeys(warnings):
+            if "not closed" in warning:  # meshio does not read the rest of a Gmsh file
+                raise ReadError(f"meshio cannot read this as {self.format}: {warning}")
+            if SKIPPED.search(warning):
+                self.moving_loses = (*self.moving_loses, f"what meshio skipped ({warning})")
+        return grid
 
     def _moved_pieces(self) -> Iterable[Piece]:
         grid = copy.deepcopy(self._grid)
@@ -164,7 +175,7 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"grid.{format}"
-        with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"):
+        with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"), redirect_stderr(StringIO()):
             getattr(meshio, module).write(path, grid, **options)
         return path.read_bytes()
 

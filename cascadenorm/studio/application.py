@@ -145,7 +145,7 @@ class Application:
 
     async def paint(self, request: Request) -> None:
         """Receive a code for each displayed vertex."""
-        shown = (self._session.opened or {}).get("painted", 0)
+        shown = self._session.opened.get("painted", 0)
         await self._session.paint(await _body(request, shown))
 
     async def kept_paint(self, _: Request) -> Response:
@@ -175,7 +175,7 @@ class Application:
         """Save a result beside the file that was opened."""
         given = await _json(request)
         target, force = self._target(given.get("name")), given.get("force") is True
-        if not (self._session.opened or {}).get("saves"):
+        if not self._session.opened.get("saves"):
             raise ParameterError("a dropped file has no folder to save to", hint="download the result")
         done = await self._session.ask("save", settings=_of(given), target=str(target), force=force)
         self._saved += [path for path in done["files"] if path not in self._saved]

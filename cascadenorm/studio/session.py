@@ -15,7 +15,10 @@ CANCEL_TIMEOUT_S = 3.0
 """Seconds after which the process of cancelled work that does not end is killed."""
 
 Event = dict[str, Any]
-"""Sent to the pages, as JSON: `type` is "opening", "opened", "unopened", "progress", "shown", "cancelled", "failed"."""
+"""Sent to the pages, as JSON.
+
+`type` is "empty", "opening", "opened", "unopened", "progress", "shown", "cancelled" or "failed".
+"""
 
 
 class RequestFailed(Exception):
@@ -37,7 +40,8 @@ class Session:
         """The path of the open file, and its name in messages."""
         self.painted = b""
         """The paint on the open mesh, one code for each displayed vertex; empty if there is none."""
-        self.opened: Event | None = None
+        self.opened: Event = {"type": "empty"}
+        """The last event about the open file; `empty` if none was given."""
         self.scenes: dict[int, bytes] = {}
         self.requests = 0
         self.has_listened = False
@@ -117,10 +121,9 @@ class Session:
 
     @asynccontextmanager
     async def page(self) -> AsyncIterator[asyncio.Queue[Event]]:
-        """Yield a queue of events for one page; the first event is the open file."""
+        """Yield a queue of events for one page; the first event is about the open file."""
         events: asyncio.Queue[Event] = asyncio.Queue()
-        if self.opened is not None:
-            events.put_nowait(self.opened)
+        events.put_nowait(self.opened)
         self._pages.add(events)
         self.has_listened = True
         self._lost -= self._lost > 0  # it may be the one that was lost

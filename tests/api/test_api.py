@@ -373,7 +373,7 @@ def test_a_path_gives_the_path_of_a_new_file(tmp_path):
     out = cn.denoise(source, **METHOD)
     assert out == tmp_path / "ball_denoised.ply"
     np.testing.assert_array_equal(cn.read(out).mesh.vertices, cn.denoise(BALL, **METHOD).vertices)
-    with pytest.raises(cn.OutputError, match="exists already"):
+    with pytest.raises(cn.OutputError, match=r"exists already: call denoise_file\(.*\), with force=True to overwrite"):
         cn.denoise(source, **METHOD)
 
 

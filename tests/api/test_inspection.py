@@ -4,6 +4,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from partitions import walls
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
@@ -407,6 +408,14 @@ def test_denoise_tells_the_error_that_inspect_tells_whatever_the_strength_and_th
     done = cn.denoise_file(file, tmp_path / "out.ply", **controls)
     assert found.error is not None and found.noise == found.error.size
     assert (done.error, done.treated_as) == (found.error, found.treated_as)
+
+
+def test_inspect_and_denoise_tell_the_same_error_where_regions_share_walls(tmp_path):
+    save_mesh(tmp_path / "walls.ply", walls("four cells", voxel=0.15).mesh)
+    done = cn.denoise_file(tmp_path / "walls.ply", tmp_path / "out.ply")
+    told = inspect(tmp_path / "walls.ply")
+    assert done.error is not None and done.error.size > 0.05
+    assert (told.error, told.noise, told.treated_as) == (done.error, done.error.size, done.treated_as)
 
 
 def test_denoise_tells_no_error_if_nothing_is_to_move(rough, tmp_path):

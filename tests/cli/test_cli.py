@@ -221,6 +221,13 @@ def test_unwritable_folder(place, capsys):
         (["denoise", "ball.ply", *FAST, "--model", "x"], "laplacian has no parameter 'model'"),
         (["denoise", "ball.ply", *FAST, "--strength", "-1"], "--strength"),
         (["denoise", "ball.ply", *FAST, "--strength", "nan"], "strength"),
+        (["denoise", "ball.ply", *FAST, "--strength", "two"], "--strength is 'two'; it must be a number (see"),
+        (["denoise", "ball.ply", *FAST, "--threads=1.5"], "--threads is '1.5'; it must be a whole number (see"),
+        (["batch", "ball.ply", "-o", "out", "--workers", "two"], "--workers is 'two'; it must be a whole number (see"),
+        (
+            ["render", "ball.ply"],
+            "cascadenorm: there is nothing to write: give --output or --turntable (see `cascadenorm",
+        ),
         (["denoise", "ball.ply", *FAST, "--threads", "0"], "--threads"),
         (["denoise", "ball.ply", *FAST, "--max-displacement", "far"], "--max-displacement is 'far'"),
         (["denoise", "ball.ply", *FAST, "--colour"], "--colour"),

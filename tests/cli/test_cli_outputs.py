@@ -112,6 +112,8 @@ def test_json_says_which_controls_were_in_force(place, capsys):
 def test_the_controls_in_force_are_printed(place, capsys):
     assert run(["denoise", "ball.ply", "-o", "a.ply", *FAST, "--strength", "0.5", "--keep-detail", "4 edges"]) == 0
     assert "controls: strength 0.5, keep-detail 4 edges\n" in capsys.readouterr().out
+    assert run(["denoise", "ball.ply", "-o", "strong.ply", *FAST, "--strength", "2"]) == 0
+    assert "controls: strength 2\n" in capsys.readouterr().out
     assert run(["denoise", "ball.ply", "-o", "b.ply", *FAST]) == 0
     assert "controls" not in capsys.readouterr().out
     done = cn.denoise_file("ball.ply", "c.ply", method="laplacian", mask=np.ones(162), creases=40.0)

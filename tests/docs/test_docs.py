@@ -198,7 +198,7 @@ def test_python_blocks_run(page, tmp_path, monkeypatch):
     names: dict[str, object] = {}
     for block in blocks(page.read_text(encoding="utf-8"), "python"):
         exec(compile(block, named(page), "exec"), names)
-    assert page.name != "README.md" or (tmp_path / "scan_denoised.ply").exists()
+    assert page.name != "README.md" or (tmp_path / "smooth.ply").exists()
     assert page.name != "CONTRIBUTING.md" or "still" in methods()
 
 

@@ -223,6 +223,20 @@ def test_damaged_layers_are_refused(change, words, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
+def test_damaged_values_of_binary_layers_are_refused_when_they_are_read(capfd):
+    """OpenUSD would allocate and fill as many tokens as a damaged array declares."""
+    data = stored(SCENE.encode(), "usdc")
+    refused = 0
+    for at in range(88, 108):  # the number of entries of the first array
+        try:
+            read(data[:at] + bytes([data[at] ^ 0x80]) + data[at + 1 :], "usdc")
+        except io.ReadError:
+            refused += 1
+    assert refused
+    assert capfd.readouterr().out == ""
+
+
 def test_damaged_bytes_are_refused(capfd):
     """A message of OpenUSD may show bytes that are no text; sections of a binary layer may run past its end."""
     with pytest.raises(io.ReadError, match="OpenUSD cannot read this file: it is damaged"):

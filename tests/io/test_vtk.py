@@ -1,5 +1,6 @@
 """Formats that other packages read and write: what they hold of a file is kept, the rest is named."""
 
+import base64
 import io as streams
 import re
 
@@ -222,6 +223,73 @@ def test_polydata_that_announces_more_than_it_holds_is_refused():
     head = b'<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="999999999" NumberOfPolys="1">'
     with pytest.raises(io.ReadError, match="the points and cells of this file need"):
         read(head, "vtp")
+
+
+@pytest.mark.parametrize("packed", [True, False])
+@pytest.mark.parametrize("mode", ["inline", "appended", "raw"])
+@pytest.mark.parametrize("word", [4, 8])
+def test_arrays_of_polydata_that_declare_more_than_the_file_holds_are_refused(packed, mode, word, tmp_path, capfd):
+    """VTK would end the process for want of memory."""
+    pyvista = pytest.importorskip("pyvista")
+    vtk = pytest.importorskip("vtkmodules.vtkIOXML")
+    writer, path = vtk.vtkXMLPolyDataWriter(), tmp_path / "a.vtp"
+    writer.SetFileName(str(path))
+    writer.SetInputData(surface(pyvista))
+    writer.SetDataModeToBinary() if mode == "inline" else writer.SetDataModeToAppended()
+    writer.SetEncodeAppendedData(mode == "appended")
+    writer.SetHeaderTypeToUInt32() if word == 4 else writer.SetHeaderTypeToUInt64()
+    if not packed:
+        writer.SetCompressorTypeToNone()
+    writer.Write()
+    data = path.read_bytes()
+    assert len(read(data, "vtp").positions) == len(SHEET.vertices)
+    before = rb"<DataArray[^>]*>\s*" if mode == "inline" else rb"<AppendedData[^>]*>\s*_"
+    start = re.search(before, data).end()
+    coded = data[start : start + 4 * word]  # of three words in base64
+    for place in range(3 if packed else 1):  # the number of blocks, the size of a block, that of the last one
+        words = bytearray(coded[: 3 * word] if mode == "raw" else base64.b64decode(coded))
+        words[place * word : (place + 1) * word] = (2 ** (8 * word - 4)).to_bytes(word, "little")
+        new = bytes(words) if mode == "raw" else base64.b64encode(words)
+        with pytest.raises(io.ReadError, match=r"declares more bytes than the file has|the arrays of this file need"):
+            read(data[:start] + new + data[start + len(new) :], "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("line", ["POINTS", "POLYGONS", "FIELD FieldData", "Normals 3"])
+def test_legacy_polydata_that_declares_more_than_it_holds_is_refused(line, tmp_path, capfd):
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtk", binary=False)
+    data = (tmp_path / "a.vtk").read_bytes()
+    changed, count = re.subn(rb"\n(" + line.encode() + rb") (\d+)", rb"\n\1 \g<2>0000000000", data)
+    assert count
+    with pytest.raises(io.ReadError, match="of this vtk file declares more than it holds"):
+        read(changed, "vtk")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_errors_and_warnings_of_the_libraries_are_not_printed(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    meshio.Mesh(SHEET.vertices, [("triangle", SHEET.faces)]).write("a.vtu")
+    assert io.write(cn.read("a.vtu"), tmp_path / "a.msh") == []  # meshio appends tags of zeros
+    (tmp_path / "bad.vtp").write_bytes(b'<VTKFile type="PolyData"><PolyData><Piece></PolyData></VTKFile>')
+    (tmp_path / "bad.msh").write_bytes((tmp_path / "a.msh").read_bytes().replace(b"$EndNodes", b"$EndNode"))
+    capfd.readouterr()
+    with pytest.raises(io.ReadError, match=r"meshio cannot read this as msh: \$Nodes not closed by \$EndNodes"):
+        cn.read("bad.msh")
+    with pytest.raises(io.ReadError, match="VTK cannot read this as vtp: Error parsing XML"):
+        cn.read("bad.vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_cells_that_meshio_skips_are_named(tmp_path, capfd):
+    cells = [("triangle", SHEET.faces[:-1]), ("wedge", np.arange(6)[None])]
+    meshio.vtk.write(tmp_path / "a.vtk", meshio.Mesh(SHEET.vertices, cells), binary=False)
+    (tmp_path / "b.vtk").write_bytes((tmp_path / "a.vtk").read_bytes().replace(b"\n13\n", b"\n99\n"))
+    capfd.readouterr()
+    file = cn.read(tmp_path / "b.vtk")
+    lost = io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "c.vtk")
+    assert lost[-1] == "what meshio skipped (File contains cells that meshio cannot handle (type 99))"
+    assert capfd.readouterr() == ("", "")
 
 
 def test_freesurfer_surfaces_keep_every_byte_but_positions(tmp_path, monkeypatch):

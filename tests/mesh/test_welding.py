@@ -56,7 +56,10 @@ def test_corners_that_nearly_coincide_are_reported_and_joined_on_request(tmp_pat
     found = inspect(path)
     assert (found.boundary_edges, found.nearly_coincident.count) == (3 * 1280, 3 * 1280 - 642)
     assert run(["denoise", str(path), "-o", str(tmp_path / "a.stl"), "--method", "laplacian"]) == 0
-    assert "3198 boundary vertices coincide with another one but for 0.001 edges" in capsys.readouterr().err
+    assert (
+        "3198 boundary vertices lie within 0.001 edges of another one, but not joined with it"
+        in capsys.readouterr().err
+    )
     for length in "0.001 edges", 1e-4 * ball.mean_edge_length:
         done = cn.denoise_file(path, tmp_path / "b.stl", method="laplacian", weld=length, force=True)
         assert (done.vertices, done.nearly_coincident) == (642, 0)

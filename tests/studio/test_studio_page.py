@@ -24,8 +24,11 @@ def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
     page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
     page.driver.get_log("browser"), page.driver.get_log("performance")
     page.at(studio).wait("empty")
+    while not page.one(".zone").is_displayed():
+        time.sleep(0.02)
     page.drop(tmp_path / "rough.ply")
     page.wait()
+    assert not page.one(".zone").is_displayed()
     assert page.one("h1").text == "rough.ply" and "1,280 faces" in page.one(".counts").text
     by_default = page.canvas()
 
@@ -54,6 +57,24 @@ def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
     asked = re.findall(r'"Network.requestWillBeSent".*?"url":"([^"]*)"', str(page.driver.get_log("performance")))
     assert asked and {url.split("/")[2] for url in asked if url.startswith("http")} == {studio.host}
     assert {url.partition(":")[0] for url in asked} <= {"http", "about", "data", "blob"}
+
+
+@needs_browser
+def test_the_page_asks_for_no_mesh_while_it_opens_the_given_file(page, named):
+    watching = """
+    new MutationObserver(() => {
+      const zone = document.querySelector('.zone');
+      if (zone && !zone.hidden) window.zoneWasShown = true;
+    }).observe(document, {subtree: true, childList: true, attributes: true});
+    """
+    added = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": watching})
+    try:
+        page.at(named).wait()
+        assert page.js("return window.zoneWasShown") is None
+        page.at(named).wait()  # the file is open already
+        assert page.js("return window.zoneWasShown") is None
+    finally:
+        page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
 
 
 @needs_browser

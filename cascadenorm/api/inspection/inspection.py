@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.inspection.crossings import crossing_faces
 from cascadenorm.api.inspection.defects import (
     boundary_loop_count,
@@ -17,23 +18,26 @@ from cascadenorm.api.inspection.defects import (
     thin_faces,
 )
 from cascadenorm.api.inspection.source import Found, GivenMesh, taken
-from cascadenorm.detection.error_kind import ErrorKind, error_kind
+from cascadenorm.api.opened_files import detected_error
+from cascadenorm.controls.settings import checked_controls
+from cascadenorm.detection.error_kind import ErrorKind
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import small_components
-from cascadenorm.learned.methods import MeshTreatment, auto, mesh_treatment
+from cascadenorm.learned.methods import MeshTreatment
 from cascadenorm.mesh import (
     Mesh,
+    Vectors,
     bad_faces,
     bad_vertices,
     box_of,
     in_frame,
     isolated,
-    ordered_for_cache,
     without_repeated_faces,
 )
 from cascadenorm.mesh.welding import nearly_coincident
+from cascadenorm.registry import find
 
 MOST_FACES_CROSSED = 200_000
 """Maximum number of faces of meshes that are checked for self-intersections by default."""
@@ -248,18 +252,21 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "treads": treads(facing),
-        **_noise_and_error(facing, exponent),
+        **_noise_and_error(mesh, small, exponent, noise_level(facing)),
     }
 
 
-def _noise_and_error(mesh: Mesh, exponent: int) -> dict[str, Any]:
-    """Return noise, kind of error and kind of surface, determined as in `denoise`."""
-    noise = noise_level(mesh)
-    if len(mesh.faces) > MOST_FACES_DENOISED or not mesh.mean_edge_length > 0:
+def _noise_and_error(mesh: Mesh, small: Mesh, exponent: int, noise: float | None) -> dict[str, Any]:
+    """Return noise, kind of error and kind of surface, determined as in `denoise`.
+
+    `small` and the exponent are the mesh in its frame, and `noise` is estimated from the mesh alone.
+    """
+    if len(mesh.faces) > MOST_FACES_DENOISED or not small.mean_edge_length**2 > 0:
         return {"noise": noise, "error": None, "treated_as": None}
-    mesh = ordered_for_cache(mesh).mesh
-    error = error_kind(mesh, auto(mesh), exponent=exponent)
-    return {"noise": None if noise is None else error.size, "error": error, "treated_as": mesh_treatment(mesh)}
+    auto, removed = find("auto"), list[Vectors]()
+    run_with_controls(auto, mesh, {}, checked_controls({}), removed=removed)
+    found = detected_error(auto, small, exponent, removed, {})
+    return {"noise": None if noise is None else found["error"].size, **found}
 
 
 def _scaled(value: float, exponent: int) -> float | None:

@@ -1,15 +1,19 @@
 """Read, copy and write the layers of a USD file: text, binary or an archive."""
 
 import posixpath
+import re
+import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from struct import Struct
+from threading import Lock
 from typing import Any
 
 from cascadenorm.errors import OutputError, ReadError, reason
 from cascadenorm.io.libraries import explained, unzipped
+from cascadenorm.io.limits import expansion_limit
 from cascadenorm.io.sidecar_files import is_within
 
 CRATE = b"PXR-USDC"
@@ -23,9 +27,13 @@ COUNTED = (b"TOKENS", b"STRINGS", b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
 """Sections of a binary layer that begin with the number of their entries."""
 MOST_PER_BYTE = 1024
 """Upper limit of entries per byte of a section: LZ4 expands up to 255 times, and an integer takes at least 2 bits."""
+LEAST_MEMORY = 1 << 30
+"""Bytes that reading a binary layer may take in any case."""
 SINGLE = "layer.usd"
 """Name of the layer of a file that is not an archive."""
 
+_LIMITING = Lock()
+"""Held while the memory of the process is limited."""
 Layers = dict[str, Any]
 """Layers by their names in an archive. The first is the root."""
 
@@ -56,20 +64,23 @@ def opened(files: Mapping[str, bytes]) -> Layers:
                 _check_sections(data)
             path = Path(folder) / f"{number}.usd"
             path.write_bytes(data)
-            with explained("OpenUSD cannot read this file", said=said):
-                layers[name] = Sdf.Layer.OpenAsAnonymous(str(path))
-            if layers[name] is None:
-                raise ReadError("OpenUSD cannot read this file: it gives no reason")
+            with explained("OpenUSD cannot read this file", said=said), _limited_memory(len(data)):
+                layer = Sdf.Layer.OpenAsAnonymous(str(path))
+                if layer is None:
+                    raise ReadError("OpenUSD cannot read this file: it gives no reason")
+                layers[name] = copied(layer) if data.startswith(CRATE) else layer  # the copy has read all values
     if not layers or next(iter(files)) not in layers:
         raise ReadError("the first file of this usdz archive is no USD layer: export it again")
     return layers
 
 
 def copied(layer: Any) -> Any:
+    """Return an independent copy of a layer. Raises ReadError, since OpenUSD reads values of binary layers only now."""
     from pxr import Sdf
 
     copy = Sdf.Layer.CreateAnonymous(".usda")
-    copy.TransferContent(layer)
+    with explained("OpenUSD cannot read this file", said=said), quiet():
+        copy.TransferContent(layer)
     return copy
 
 
@@ -99,10 +110,11 @@ def packed(files: Mapping[str, bytes]) -> bytes:
 
 def layers_named_by(layer: Any) -> list[str]:
     """Return the paths of other layers that a layer consists of, only sublayers if it is damaged."""
-    prims = _prims(layer)
-    if not prims or not all(prims):
-        return list(layer.subLayerPaths)
-    return list(layer.GetCompositionAssetDependencies())
+    with explained("OpenUSD cannot read this file", said=said), quiet():
+        prims = _prims(layer)
+        if not prims or not all(prims):
+            return list(layer.subLayerPaths)
+        return list(layer.GetCompositionAssetDependencies())
 
 
 def _prims(layer: Any) -> list[Any]:
@@ -149,6 +161,29 @@ def target(path: str, name: str, layers: Layers) -> str | None:
 
 
 @contextmanager
+def _limited_memory(size: int) -> Iterator[None]:
+    """On Linux, let allocations fail that exceed what a file of a given size may expand to.
+
+    OpenUSD believes the sizes of arrays in a damaged binary layer, and would allocate and fill all memory.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    import resource
+
+    with _LIMITING:
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        limit = used + int(max(LEAST_MEMORY, expansion_limit(size)))
+        if soft == resource.RLIM_INFINITY or limit < soft:
+            resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+@contextmanager
 def quiet() -> Iterator[None]:
     """Keep OpenUSD from writing its diagnostics to stderr."""
     from pxr import UsdUtils
@@ -179,6 +214,7 @@ def said(error: Exception) -> str:
     try:
         lines = [line for line in str(error).splitlines() if " : '" in line]
         text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
+        text = re.sub("Corrupt asset <[^>]*>: ", "", text)  # the name of a temporary file
         return (text.rstrip("'\" ") or reason(error))[:200]
     except UnicodeDecodeError:  # the message quotes bytes of the file
         return "it is damaged"

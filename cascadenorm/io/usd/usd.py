@@ -71,7 +71,7 @@ class UsdFile(MeshFile):
         changed = any_in_rows(self._changed)
         moves = [changed[a:b].any() for a, b in zip(self._first[:-1], self._first[1:], strict=True)]
         layers = {name: copied(self._layers[name]) for name in dict.fromkeys(mesh.layer for mesh in self._meshes)}
-        with quiet():
+        with explained("OpenUSD cannot change this file", said=said), quiet():
             for number, mesh in enumerate(self._meshes):
                 prim = layers[mesh.layer].GetPrimAtPath(mesh.prim.path)
                 if not moves[number]:

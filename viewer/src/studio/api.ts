@@ -59,6 +59,7 @@ export interface Outcome {
 }
 
 export type Told =
+  | { type: "empty" }
   | { type: "opening"; name: string }
   | Opened
   | { type: "unopened"; error: string }

@@ -20,6 +20,7 @@ export class Dropping {
       make("p", { class: "note" }, "PLY, OBJ, STL, OFF, glTF and other formats. Drop the materials and textures of an OBJ file with it."),
       pick,
     );
+    this.zone.hidden = true; // until it is known that no file was given
     this.input.hidden = true;
     document.body.append(this.input);
     let depth = 0; // of the elements that the pointer has entered

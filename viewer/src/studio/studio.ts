@@ -99,7 +99,8 @@ export class Studio {
   }
 
   hear(told: Told): void {
-    if (told.type === "opening") this.opening(told.name);
+    if (told.type === "empty") this.dropping.zone.hidden = false;
+    else if (told.type === "opening") this.opening(told.name);
     else if (told.type === "opened") void this.attempt(() => this.open(told));
     else if (told.type === "unopened") this.unopened(told.error);
     else if (told.ticket !== this.asked?.ticket) return;
@@ -118,7 +119,6 @@ export class Studio {
 
   // The file that the studio was started with is being read.
   private opening(name: string): void {
-    this.dropping.zone.hidden = true;
     this.root.dataset.state = "opening";
     this.status.say(`Opening ${name}…`);
   }
@@ -132,6 +132,7 @@ export class Studio {
   private async open(opened: Opened): Promise<void> {
     this.asked = this.shown = this.sent = this.alone = null;
     this.root.dataset.state = "opening";
+    this.dropping.zone.hidden = true;
     this.status.say("Opening the mesh…");
     this.opened = opened;
     this.unsaved = false;
@@ -257,7 +258,6 @@ export class Studio {
     if (this.viewer) this.viewer.show(model, samePlace);
     else this.viewer = new Viewer(this.viewerRoot, model, { linked: false, unsaved: () => this.unsaved });
     this.brush.use(this.viewer);
-    this.dropping.zone.hidden = true;
   }
 
   private offer(): void {

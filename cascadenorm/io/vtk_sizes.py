@@ -1,0 +1,85 @@
+"""Check the sizes of arrays that VTK files declare.
+
+VTK allocates memory for an array before it reads it, and ends the process if there is not enough.
+"""
+
+import binascii
+import math
+import re
+
+import numpy as np
+
+from cascadenorm.errors import ReadError
+from cascadenorm.io.limits import check_expansion
+
+ARRAY = re.compile(rb"<DataArray\b[^>]*>")
+ATTRIBUTE = re.compile(rb'(\w+)\s*=\s*["\']([^"\']*)["\']')
+APPENDED = re.compile(rb"<AppendedData\b([^>]*)>\s*_")
+LEGACY_COUNTS = re.compile(
+    rb"^[ \t]*(?:(?:POINTS|VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS|POINT_DATA|CELL_DATA|OFFSETS|CONNECTIVITY|METADATA|"
+    rb"FIELD[ \t]+\S+|LOOKUP_TABLE[ \t]+\S+|SCALARS[ \t]+\S+[ \t]+\S+|\S+(?=[ \t]+\d+[ \t]+\d+[ \t]+[a-z]\w*[ \t]*$)))"
+    rb"[ \t]+(\d+)(?:[ \t]+(\d+))?",
+    re.M | re.I,
+)
+"""Lines of legacy files with one or two counts; the last alternative is that of arrays in a field."""
+WORDS = 3
+"""Words at the start of a compressed array: the number of blocks, and the sizes of a block and of the last one."""
+
+
+def check_xml_arrays(data: bytes) -> None:
+    """Raise ReadError if an array of an XML file declares more bytes than the file can hold."""
+    found = APPENDED.search(data)
+    markup = data if found is None else data[: found.start()]
+    head = _attributes(markup[: markup.find(b">", markup.find(b"<VTKFile")) + 1])
+    word = ">" if head.get(b"byte_order") == b"BigEndian" else "<"
+    word += "u8" if head.get(b"header_type") == b"UInt64" else "u4"
+    packed = b"compressor" in head
+    for tag in ARRAY.finditer(markup):
+        about = _attributes(tag[0])
+        if about.get(b"format") == b"binary":
+            _check_array(data, tag.end(), word, packed=packed, text=True)
+        elif about.get(b"format") == b"appended" and found is not None and about.get(b"offset", b"").strip().isdigit():
+            place = found.end() + int(about[b"offset"])
+            _check_array(data, place, word, packed=packed, text=_attributes(found[1]).get(b"encoding") != b"raw")
+
+
+def check_legacy_counts(data: bytes) -> None:
+    """Raise ReadError if a legacy file declares more points, cells or values than it has bits."""
+    for found in LEGACY_COUNTS.finditer(data):
+        if max(int(found[1]), int(found[2] or 0)) > 8 * len(data):
+            line = found[0].strip().decode("ascii", "replace")[:60]
+            raise ReadError(f"the line '{line}' of this vtk file declares more than it holds: get a complete copy")
+
+
+def _attributes(tag: bytes) -> dict[bytes, bytes]:
+    return dict(ATTRIBUTE.findall(tag))
+
+
+def _check_array(data: bytes, place: int, word: str, *, packed: bool, text: bool) -> None:
+    """Check an array that begins at a place with words about its size, as text in base64 or as bytes."""
+    words = _words(data, place, WORDS if packed else 1, word, text=text)
+    if not packed:
+        _check_sizes(data, words[:1])
+    elif len(words) == WORDS:
+        blocks, size, last = words
+        _check_sizes(data, [blocks])
+        check_expansion(float(blocks) * size + last, len(data), "the arrays of this file")
+        _check_sizes(data, _words(data, place, WORDS + blocks, word, text=text)[WORDS:])
+
+
+def _check_sizes(data: bytes, sizes: list[int]) -> None:
+    if max(sizes, default=0) > len(data):
+        raise ReadError("an array of this vtp file declares more bytes than the file has: get a complete copy")
+
+
+def _words(data: bytes, place: int, count: int, word: str, *, text: bool) -> list[int]:
+    """Return the words at a place, fewer if the file ends before or they are not in base64."""
+    size = np.dtype(word).itemsize
+    if text:
+        try:
+            found = binascii.a2b_base64(data[place:].lstrip()[: 4 * math.ceil(count * size / 3)])
+        except binascii.Error:
+            return []
+    else:
+        found = data[place : place + count * size]
+    return [int(value) for value in np.frombuffer(found[: len(found) // size * size][: count * size], word)]
