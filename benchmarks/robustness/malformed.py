@@ -35,7 +35,7 @@ from benchmarks.robustness.dirty_meshes import Dirty, dirty_meshes
 from cascadenorm.cli import run
 from cascadenorm.io import MeshFile
 from cascadenorm.io.content import Content
-from cascadenorm.io.files import NEEDS, output_format
+from cascadenorm.io.files import OPTIONAL, output_format
 from cascadenorm.io.files import write as write_file
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh.polygons import Polygons
@@ -243,7 +243,7 @@ def broken_guarantees(folders: Sequence[Path], method: str) -> int:
 
 def made(folder: Path) -> Iterator[tuple[Path, bool]]:
     """Write malformed meshes in every format; yield each path, and whether it has to be denoised."""
-    formats = [format for format in FORMATS if format not in NEEDS or _is_written(format)]
+    formats = [format for format in FORMATS if format not in OPTIONAL or _is_written(format)]
     rng = np.random.default_rng(0)
     meshes = {name: (dirty.vertices, dirty.faces) for name, dirty in dirty_meshes().items()}
     for spoil in damage.SPOILT:

@@ -34,7 +34,7 @@ class MeshioFile(MeshFile):
     module: ClassVar[str]  # module of meshio
     needs = ("meshio", "meshio", "formats")
     made_with: ClassVar[dict[str, Any]] = {}  # options for writing content of other formats
-    moving_loses = ("what meshio does not keep (title, layout, types of data)",)
+    moving_loses: tuple[str, ...] = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         from meshio.vtu import _vtu

@@ -4,7 +4,7 @@ Such meshes come from modelling programs and elevation data: surfaces of revolut
 as regular as those of scanned grids, and they have no error.
 """
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -14,7 +14,7 @@ from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, fit
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import log_uniform
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh
 
 FEWEST_CAGE_FACES = 60
 
@@ -123,8 +123,7 @@ def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh
         raise UnfitShapeError("the cage has too few faces")
     cage = thinned(mesh, faces=cage_faces, evenness=float(10 ** rng.uniform(-4, -1)))
     smooth = bool(rng.random() < 0.75)
-    subdivide: Callable[..., tuple[Vectors, NDArray[np.int32]]]
-    subdivide = trimesh.remesh.subdivide_loop if smooth else trimesh.remesh.subdivide
+    subdivide: Any = trimesh.remesh.subdivide_loop if smooth else trimesh.remesh.subdivide
     vertices, triangles = cage.vertices, cage.faces
     for _ in range(levels):
         vertices, triangles = subdivide(vertices, triangles)
