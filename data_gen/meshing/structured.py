@@ -4,6 +4,7 @@ Such meshes come from modelling programs and elevation data: surfaces of revolut
 as regular as those of scanned grids, and they have no error.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
