@@ -135,7 +135,7 @@ def test_files_fare_as_arrays_do(tmp_path, capsys, name, method):
     elif "soup" in name or "without area" in name:  # a file's copies in one place are joined
         assert code == 0 and np.isfinite(cn.read(output).positions).all()
     else:
-        assert code == 0 and (err == "" or "coincides with another one but for" in err)
+        assert code == 0 and (err == "" or "not joined with it: --weld" in err)
         np.testing.assert_array_equal(cn.read(output).positions, denoised(name, method))
     assert run(["inspect", str(source)]) == 0
     capsys.readouterr()

@@ -173,7 +173,7 @@ def _limited_memory(size: int) -> Iterator[None]:
 
     with _LIMITING:
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
         limit = used + int(max(LEAST_MEMORY, expansion_limit(size)))
         if soft == resource.RLIM_INFINITY or limit < soft:
             resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
