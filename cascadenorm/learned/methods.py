@@ -41,7 +41,8 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
     two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
     For each connected component, a gate chooses between them from the triangulation. A bilateral filter then runs once
-    over the measured surfaces, and three times near their boundaries, unless `treat_as` is `unknown`.
+    over the measured surfaces, and near their boundaries three times, averaged with the normals of fitted quadrics,
+    unless `treat_as` is `unknown`.
 
     Formula
     -------

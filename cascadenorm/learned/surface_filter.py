@@ -1,4 +1,4 @@
-"""Filter measured surfaces bilaterally after the cascade, with more passes near boundaries."""
+"""Filter measured surfaces bilaterally after the cascade, with more passes and fitted quadrics near boundaries."""
 
 from functools import partial
 
@@ -7,7 +7,8 @@ import numpy as np
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.fairing import grown
-from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
+from cascadenorm.geometry.quadrics import quadric_normals
+from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit
 from cascadenorm.patches.work import normals_by_patches
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
@@ -18,11 +19,16 @@ BOUNDARY_PASSES = 3
 """Number of passes over the faces near the boundary."""
 
 
+QUADRIC_SHARES = 0.7, 0.3
+"""Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
+
+
 def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
     """Return the vertices after a bilateral filter of the measured surfaces.
 
     The network leaves some noise there, since its training data contain detail of the same size. One pass removes most
-    of it. Errors of scanners are larger near the boundary of a view, where the filter runs BOUNDARY_PASSES times.
+    of it. Errors of scanners are larger near the boundary of a view, where the filter runs BOUNDARY_PASSES times and
+    normals of fitted quadrics take part. A filter alone would flatten the surface, which often curves away there.
 
     Parameters
     ----------
@@ -45,13 +51,23 @@ def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
 
 
 def _filtered(mesh: Mesh) -> Vectors:
-    """Return the vertices, (n, 3), after a bilateral filter with more passes near the boundary."""
+    """Return the vertices, (n, 3), after a bilateral filter that differs near the boundary."""
     normals = _normals(mesh, passes=1)
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
-        near = np.flatnonzero(grown(mesh, boundary, rings=BOUNDARY_RINGS)[mesh.faces].any(axis=1))
+        at = boundary[mesh.faces].any(axis=1)
+        near = grown(mesh, boundary, rings=BOUNDARY_RINGS)[mesh.faces].any(axis=1)
         normals[near] = _normals(mesh, passes=BOUNDARY_PASSES)[near]
+        normals = _with_quadrics(mesh, normals, at, near)
     return recover_vertices(mesh, normals, sweeps=SWEEPS)
+
+
+def _with_quadrics(mesh: Mesh, normals: Vectors, at: Bools, near: Bools) -> Vectors:
+    """Return (m, 3) normals averaged with those of quadrics near the boundary."""
+    averaged = normals.copy()
+    for share, faces in zip(QUADRIC_SHARES, (np.flatnonzero(at), np.flatnonzero(near & ~at)), strict=True):
+        averaged[faces] = unit((1 - share) * normals[faces] + share * quadric_normals(mesh, normals, faces))
+    return averaged
 
 
 def _normals(mesh: Mesh, *, passes: int) -> Vectors:
