@@ -79,8 +79,17 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
 
 
 @kernel
-def _tensor_weights(start: int, stop: int, vertices: Vectors, faces: Ints32, lengths: Floats, normals: Vectors,
-                    scale: float, weights: Floats, areas: Floats) -> None:  # fmt: skip
+def _tensor_weights(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    faces: Ints32,
+    lengths: Floats,
+    normals: Vectors,
+    scale: float,
+    weights: Floats,
+    areas: Floats,
+) -> None:
     """Weight of each side, -A ∇φ_k·a ∇φ_(k+1), in the plane of a face with the given lengths of its sides."""
     gradient = np.empty((3, 2))
     for f in range(start, stop):

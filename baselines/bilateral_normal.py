@@ -128,8 +128,18 @@ def _spatial_weights(
 
 
 @kernel
-def _bilateral_pass(start: int, stop: int, normals: Vectors, guide: Vectors, given: Vectors, own: Floats, rings: Csr,
-                    weights: Floats, spread: float, out: Vectors) -> None:  # fmt: skip
+def _bilateral_pass(
+    start: int,
+    stop: int,
+    normals: Vectors,
+    guide: Vectors,
+    given: Vectors,
+    own: Floats,
+    rings: Csr,
+    weights: Floats,
+    spread: float,
+    out: Vectors,
+) -> None:
     shares = np.empty(64)
     for f in range(start, stop):
         first, count = rings.indptr[f], rings.indptr[f + 1] - rings.indptr[f]

@@ -102,8 +102,16 @@ def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
 
 
 @kernel
-def _bilateral_step(start: int, stop: int, vertices: Vectors, normals: Vectors, spreads: Floats, height_spread: float,
-                    near: Csr, moved: Vectors) -> None:  # fmt: skip
+def _bilateral_step(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    normals: Vectors,
+    spreads: Floats,
+    height_spread: float,
+    near: Csr,
+    moved: Vectors,
+) -> None:
     for i in range(start, stop):
         place, normal = row(vertices, i), row(normals, i)
 
@@ -135,8 +143,16 @@ def _bilateral_step(start: int, stop: int, vertices: Vectors, normals: Vectors, 
 
 
 @kernel
-def _centroid_means(start: int, stop: int, vertices: Vectors, centroids: Vectors, areas: Floats, spread: float,
-                    near: Csr, means: Vectors) -> None:  # fmt: skip
+def _centroid_means(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    centroids: Vectors,
+    areas: Floats,
+    spread: float,
+    near: Csr,
+    means: Vectors,
+) -> None:
     """Take the Gaussian mean of near centroids; a vertex without any stays."""
     for i in range(start, stop):
         # vectors to near centroids, weighted by area and distance
@@ -151,8 +167,18 @@ def _centroid_means(start: int, stop: int, vertices: Vectors, centroids: Vectors
 
 
 @kernel
-def _projection_means(start: int, stop: int, vertices: Vectors, centroids: Vectors, areas: Floats, normals: Vectors,
-                      spread: float, influence: float, near: Csr, out: Vectors) -> None:  # fmt: skip
+def _projection_means(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    centroids: Vectors,
+    areas: Floats,
+    normals: Vectors,
+    spread: float,
+    influence: float,
+    near: Csr,
+    out: Vectors,
+) -> None:
     """Take the weighted mean of the projections onto the planes of near faces; a vertex without any stays."""
     for i in range(start, stop):
         # vectors to the planes, weighted by area, distance of the centroid and height over the plane

@@ -166,8 +166,16 @@ EPSILON = 1e-9  # keeps the relative saliency of a flat patch finite
 
 
 @kernel
-def _patch_statistics(start: int, stop: int, normals: Vectors, areas: Floats, across: Ints32, rings: Csr,
-                      inconsistency: Floats, means: Vectors) -> None:  # fmt: skip
+def _patch_statistics(
+    start: int,
+    stop: int,
+    normals: Vectors,
+    areas: Floats,
+    across: Ints32,
+    rings: Csr,
+    inconsistency: Floats,
+    means: Vectors,
+) -> None:
     inside = np.full(len(normals), -1, np.int32)
     most = 1
     for f in range(start, stop):

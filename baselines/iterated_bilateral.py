@@ -110,8 +110,16 @@ def _keep_range(start: int, stop: int, normals: Floats32, out: Floats32) -> None
 
 
 @kernel
-def _bilateral_range(start: int, stop: int, normals: Floats32, own: Floats32, rings: Csr, weights: Floats32,
-                     steepness: Floats32, out: Floats32) -> None:  # fmt: skip
+def _bilateral_range(
+    start: int,
+    stop: int,
+    normals: Floats32,
+    own: Floats32,
+    rings: Csr,
+    weights: Floats32,
+    steepness: Floats32,
+    out: Floats32,
+) -> None:
     """One pass of LANES filters side by side, each on its own normals; iteration f alone writes out[f]."""
     for f in range(start, stop):
         _filter_face(f, normals, own, rings, weights, steepness, out)  # type: ignore[no-untyped-call]

@@ -122,8 +122,17 @@ def _find_slots(start: int, stop: int, pattern: Csr, rows: Ints32, columns: Ints
 
 
 @kernel
-def _assemble(system: EdgeSystem, noisy: Vectors, vertices: Vectors, coefficients: Floats, alpha: float, beta: float,
-              price: float, values: Floats, right: Vectors) -> None:  # fmt: skip
+def _assemble(
+    system: EdgeSystem,
+    noisy: Vectors,
+    vertices: Vectors,
+    coefficients: Floats,
+    alpha: float,
+    beta: float,
+    price: float,
+    values: Floats,
+    right: Vectors,
+) -> None:
     """Fill the matrix I + αRᵀR + βDᵀD and the right-hand side x* + βDᵀδ, where δ is Dx on the edges that stay bent."""
     for k in range(len(values)):
         values[k] = 0.0

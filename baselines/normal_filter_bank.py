@@ -62,9 +62,22 @@ def faces_added(mesh: Mesh, faces: Bools, *, sigma_s: tuple[float, ...], cutoff:
 
 
 @kernel
-def _filter_range(start: int, stop: int, faces: Ints32, around: Csr, centroids: Vectors, vectors: Floats32,
-                  normals: Vectors, guides: Floats32, spatial: Floats, spreads: Floats32, largest: float, limit: float,
-                  rings: int, out: Floats32) -> None:  # fmt: skip
+def _filter_range(
+    start: int,
+    stop: int,
+    faces: Ints32,
+    around: Csr,
+    centroids: Vectors,
+    vectors: Floats32,
+    normals: Vectors,
+    guides: Floats32,
+    spatial: Floats,
+    spreads: Floats32,
+    largest: float,
+    limit: float,
+    rings: int,
+    out: Floats32,
+) -> None:
     """Compute all filters of each face. Only iteration f writes row f.
 
     The area vectors, (m, 3), are in any unit. `spatial` and `spreads` are the factors of the squared distance and of

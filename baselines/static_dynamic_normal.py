@@ -97,8 +97,18 @@ def _sort_rows(start: int, stop: int, neighbors: Csr) -> None:
 
 
 @kernel
-def _pair_weights(start: int, stop: int, centroids: Vectors, areas: Floats, guidance: Vectors, neighbors: Csr,
-                  over_distance: float, over_guidance: float, weights: Floats, spatial: Floats) -> None:  # fmt: skip
+def _pair_weights(
+    start: int,
+    stop: int,
+    centroids: Vectors,
+    areas: Floats,
+    guidance: Vectors,
+    neighbors: Csr,
+    over_distance: float,
+    over_guidance: float,
+    weights: Floats,
+    spatial: Floats,
+) -> None:
     """Write the weight of each pair, 0 where only one face has the other as a neighbour; sum those of distance."""
     for f in range(start, stop):
         spatial[f] = 0.0

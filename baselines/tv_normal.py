@@ -200,8 +200,18 @@ def _right_side(
 
 
 @kernel
-def _relax(start: int, stop: int, first: Index, last: Index, relaxation: float, sides: FaceSides, diagonal: Floats,
-           right: Vectors, values: Vectors, squares: Floats) -> None:  # fmt: skip
+def _relax(
+    start: int,
+    stop: int,
+    first: Index,
+    last: Index,
+    relaxation: float,
+    sides: FaceSides,
+    diagonal: Floats,
+    right: Vectors,
+    values: Vectors,
+    squares: Floats,
+) -> None:
     """Apply over-relaxation to the faces first … last of one colour, in blocks; write Σ |residual|² of each block."""
     for block in range(start, stop):
         squares[block] = 0.0
@@ -216,8 +226,16 @@ def _relax(start: int, stop: int, first: Index, last: Index, relaxation: float, 
 
 
 @kernel
-def _shrink(start: int, stop: int, values: Vectors, pairs: Ints32, weights: Floats, penalty: float, ties: Vectors,
-            duals: Vectors) -> None:  # fmt: skip
+def _shrink(
+    start: int,
+    stop: int,
+    values: Vectors,
+    pairs: Ints32,
+    weights: Floats,
+    penalty: float,
+    ties: Vectors,
+    duals: Vectors,
+) -> None:
     """Shrink q = Dn + y/r of each edge by w/r to the optimal difference p; update the multiplier y and rp - y."""
     for e in range(start, stop):
         f, g = pairs[e]

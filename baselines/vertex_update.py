@@ -71,8 +71,18 @@ def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
 
 
 @kernel
-def _sweep_range(start: int, stop: int, movable: Ints32, vertices: Vectors, faces: Ints32, normals: Vectors,
-                 weights: Floats, relaxation: float, avoid: bool, around: Csr) -> None:  # fmt: skip
+def _sweep_range(
+    start: int,
+    stop: int,
+    movable: Ints32,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    weights: Floats,
+    relaxation: float,
+    avoid: bool,
+    around: Csr,
+) -> None:
     """Move vertices that share no face, in place. Vertices in later groups use the new positions.
 
     The signed area of a face along its normal is affine in the position of a corner, so it is evaluated once for all

@@ -82,8 +82,19 @@ def _vertex_range(
 
 
 @kernel
-def _chord_range(start: int, stop: int, vertices: Vectors, faces: Ints32, normals: Vectors, edges: Ints32,
-                 interior: Ints32, pairs: Ints32, around: Csr, whole: Vectors, residuals: Floats) -> None:  # fmt: skip
+def _chord_range(
+    start: int,
+    stop: int,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    edges: Ints32,
+    interior: Ints32,
+    pairs: Ints32,
+    around: Csr,
+    whole: Vectors,
+    residuals: Floats,
+) -> None:
     rises = np.empty(2)
     for i in range(start, stop):
         mean = add(row(normals, pairs[i, 0]), row(normals, pairs[i, 1]))

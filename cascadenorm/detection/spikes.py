@@ -72,8 +72,17 @@ def _high_range(start: int, stop: int, vertices: Vectors, neighbors: Csr, vertex
 
 
 @kernel
-def _standing_range(start: int, stop: int, candidates: Ints32, vertices: Vectors, faces: Ints32, normals: Vectors,
-                    neighbors: Csr, vertex_faces: Csr, out: Bools) -> None:  # fmt: skip
+def _standing_range(
+    start: int,
+    stop: int,
+    candidates: Ints32,
+    vertices: Vectors,
+    faces: Ints32,
+    normals: Vectors,
+    neighbors: Csr,
+    vertex_faces: Csr,
+    out: Bools,
+) -> None:
     """Find candidates that stand upright on nearly coplanar surrounding faces, ignoring their own faces."""
     for c in range(start, stop):
         i = candidates[c]

@@ -160,9 +160,20 @@ def _fitted(copy: CoarseCopy, mesh: Mesh) -> CoarseCopy:
 
 
 @kernel
-def _feet_range(start: int, stop: int, points: Vectors, labels: Ints32, vertices: Vectors, triangles: Ints32,
-                around: Csr, neighbors: Csr, single: Bools, faces: Ints32, weights: Floats,
-                outside: Bools) -> None:  # fmt: skip
+def _feet_range(
+    start: int,
+    stop: int,
+    points: Vectors,
+    labels: Ints32,
+    vertices: Vectors,
+    triangles: Ints32,
+    around: Csr,
+    neighbors: Csr,
+    single: Bools,
+    faces: Ints32,
+    weights: Floats,
+    outside: Bools,
+) -> None:
     """Search the faces around each point's cluster and its neighbours; the lowest index breaks ties."""
     for i in range(start, stop):
         faces[i], weights[i], outside[i], best = -1, 0.0, False, np.inf

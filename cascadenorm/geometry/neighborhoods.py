@@ -117,8 +117,17 @@ def _within_range(
 
 
 @kernel
-def search_faces(f: Index, faces: Ints32, around: Csr, centroids: Vectors, limit: float, rings: int,
-                 seen: tuple[Ints32, Ints32], found: Ints32, distances: Floats) -> int:  # fmt: skip
+def search_faces(
+    f: Index,
+    faces: Ints32,
+    around: Csr,
+    centroids: Vectors,
+    limit: float,
+    rings: int,
+    seen: tuple[Ints32, Ints32],
+    found: Ints32,
+    distances: Floats,
+) -> int:
     """Search breadth first from face f over faces that share a vertex; return the number of faces found.
 
     The faces and the squared distances of their centroids from that of f, at most `limit`, are written to `found` and

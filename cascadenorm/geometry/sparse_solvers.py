@@ -209,8 +209,17 @@ def conjugate_gradients(pattern: Csr, values: Floats, right: Vectors, x: Vectors
 
 
 @kernel
-def _begin(start: int, stop: int, pattern: Csr, values: Floats, right: Vectors, x: Vectors, inverse: Floats,
-           residual: Vectors, sums: Floats) -> None:  # fmt: skip
+def _begin(
+    start: int,
+    stop: int,
+    pattern: Csr,
+    values: Floats,
+    right: Vectors,
+    x: Vectors,
+    inverse: Floats,
+    residual: Vectors,
+    sums: Floats,
+) -> None:
     """Compute the initial residual, the inverse diagonal and the sums of `_advance`."""
     for block in range(start, stop):
         squared = energy = 0.0
@@ -256,8 +265,17 @@ def _multiply(
 
 
 @kernel
-def _advance(start: int, stop: int, inverse: Floats, direction: Vectors, image: Vectors, step: float, x: Vectors,
-             residual: Vectors, sums: Floats) -> None:  # fmt: skip
+def _advance(
+    start: int,
+    stop: int,
+    inverse: Floats,
+    direction: Vectors,
+    image: Vectors,
+    step: float,
+    x: Vectors,
+    residual: Vectors,
+    sums: Floats,
+) -> None:
     """Take a step along the direction; sum the squared residuals, plain and divided by the diagonal."""
     for block in range(start, stop):
         rows = slice(block * SUM_BLOCK, (block + 1) * SUM_BLOCK)

@@ -67,8 +67,17 @@ def _find_owners(corners: Ints, triangles: Ints, welds: Ints32, owner: Ints32) -
 
 
 @kernel
-def _sum_around(corners: Ints, groups: Ints, triangles: Ints, moves: Bools, before: Vectors, after: Vectors,
-                old: Vectors, new: Vectors, moved: Bools) -> None:  # fmt: skip
+def _sum_around(
+    corners: Ints,
+    groups: Ints,
+    triangles: Ints,
+    moves: Bools,
+    before: Vectors,
+    after: Vectors,
+    old: Vectors,
+    new: Vectors,
+    moved: Bools,
+) -> None:
     """Sum the area vectors of the triangles that use each group, and record whether any of them moves."""
     for f in range(len(corners)):
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]

@@ -309,8 +309,17 @@ def _scattered(outline: Loop, taken: list[Floats], spacing: float, *, rng: np.ra
     return np.asarray(grid[np.array(clear) & np.array(inside)])
 
 
-def _feature(part: PartBuilder, center: Floats, room: float, height: float, above: list[Ring], below: list[Ring],
-             *, tolerance: float, rng: np.random.Generator) -> None:  # fmt: skip
+def _feature(
+    part: PartBuilder,
+    center: Floats,
+    room: float,
+    height: float,
+    above: list[Ring],
+    below: list[Ring],
+    *,
+    tolerance: float,
+    rng: np.random.Generator,
+) -> None:
     """Add a hole, a pocket, a pin or a dome within a disc, and its loops to the faces above and below."""
     kind = rng.choice(["through", "through", "countersunk", "blind", "pin", "dome"])
     size = 0.5 * room if kind == "countersunk" else 0.7 * room

@@ -21,8 +21,17 @@ class Lattice(NamedTuple):
     spacing: float
 
 
-def sample(field: DistanceField, *, lower: ArrayLike, upper: ArrayLike, spacing: float, jitter: float = 0.0,
-           turn: Vectors | None = None, open_boundary: bool = False, rng: np.random.Generator) -> Lattice:  # fmt: skip
+def sample(
+    field: DistanceField,
+    *,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    spacing: float,
+    jitter: float = 0.0,
+    turn: Vectors | None = None,
+    open_boundary: bool = False,
+    rng: np.random.Generator,
+) -> Lattice:
     """Evaluate a field on a lattice over the box from `lower` to `upper`, with edges of the mean length `spacing`.
 
     The jitter is the largest random displacement of the nodes, relative to the spacing, and `turn` rotates the axes of

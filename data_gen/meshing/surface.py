@@ -65,8 +65,15 @@ def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[
     return Extent(*window, Mesh(rough.vertices, rough.faces[gap <= half])), window
 
 
-def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
-                window: Window | None = None) -> Mesh:  # fmt: skip
+def polygonised(
+    field: DistanceField,
+    extent: Extent,
+    *,
+    faces: int,
+    sharp: bool,
+    rng: np.random.Generator,
+    window: Window | None = None,
+) -> Mesh:
     """Polygonise a field with about `faces` triangles on a randomly rotated and jittered lattice.
 
     A sharp one is polygonised by dual contouring instead of marching cubes. A window is the box at which the surface is

@@ -23,9 +23,16 @@ JUMP = 0.3  # least jump of the normal at an edge of a shape, in radians
 ASTRAY = 0.006  # share of the faces that may deviate from the normal of the surface
 
 
-def tessellate(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator,
-               tessellation: Tessellation | None = None,
-               window: tuple[Vectors, Vectors] | None = None) -> Mesh:  # fmt: skip
+def tessellate(
+    field: DistanceField,
+    extent: Extent,
+    *,
+    faces: int,
+    sharp: bool,
+    rng: np.random.Generator,
+    tessellation: Tessellation | None = None,
+    window: tuple[Vectors, Vectors] | None = None,
+) -> Mesh:
     """Make a mesh of about `faces` triangles of a field, whose edges become edges of the mesh if it is sharp.
 
     Without a tessellation, one is drawn. A window is the box at which the surface is cut open.

@@ -20,8 +20,9 @@ def seed_of(rng: np.random.Generator) -> int:
     return int(rng.integers(1, 2**31 - 1))
 
 
-def noise(*, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form = "smooth",
-          rng: np.random.Generator) -> DistanceField:  # fmt: skip
+def noise(
+    *, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form = "smooth", rng: np.random.Generator
+) -> DistanceField:
     """Return gradient noise. Each octave has half the wavelength and `gain` times the size of the previous one."""
     seed, code = seed_of(rng), ("smooth", "ridged", "billowed").index(form)
 
