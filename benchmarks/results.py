@@ -27,6 +27,7 @@ PAGES = {
     "peers": ("benchmarks/accuracy.md", "accuracy.kinds.peer_table"),
     "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "levels": ("benchmarks/accuracy.md", "accuracy.generated.table"),
+    "scans": ("benchmarks/accuracy.md", "accuracy.scans.table"),
     "ablation": ("benchmarks/ablation.md", "accuracy.ablation.table"),
     "controls": ("benchmarks/controls.md", "accuracy.controls.table"),
     "commands": ("benchmarks/speed.md", "speed.commands.table"),
