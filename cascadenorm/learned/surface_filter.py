@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.vertex_update import recover_vertices
@@ -55,17 +56,17 @@ def _filtered(mesh: Mesh) -> Vectors:
     normals = _normals(mesh, passes=1)
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
-        at = boundary[mesh.faces].any(axis=1)
-        near = grown(mesh, boundary, rings=BOUNDARY_RINGS)[mesh.faces].any(axis=1)
+        at = np.flatnonzero(boundary[mesh.faces].any(axis=1))
+        near = np.flatnonzero(grown(mesh, boundary, rings=BOUNDARY_RINGS)[mesh.faces].any(axis=1))
         normals[near] = _normals(mesh, passes=BOUNDARY_PASSES)[near]
-        normals = _with_quadrics(mesh, normals, at, near)
+        normals = _with_quadrics(mesh, normals, at, np.setdiff1d(near, at))
     return recover_vertices(mesh, normals, sweeps=SWEEPS)
 
 
-def _with_quadrics(mesh: Mesh, normals: Vectors, at: Bools, near: Bools) -> Vectors:
-    """Return (m, 3) normals averaged with those of quadrics near the boundary."""
+def _with_quadrics(mesh: Mesh, normals: Vectors, at: NDArray[np.intp], beside: NDArray[np.intp]) -> Vectors:
+    """Return (m, 3) normals averaged with those of quadrics, at faces on the boundary and at those beside them."""
     averaged = normals.copy()
-    for share, faces in zip(QUADRIC_SHARES, (np.flatnonzero(at), np.flatnonzero(near & ~at)), strict=True):
+    for share, faces in zip(QUADRIC_SHARES, (at, beside), strict=True):
         averaged[faces] = unit((1 - share) * normals[faces] + share * quadric_normals(mesh, normals, faces))
     return averaged
 
