@@ -7,7 +7,8 @@ kernels. If they cannot be compiled, or numba or the processor differ at run tim
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +38,9 @@ def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata
     name = build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
     if kernels_wanted(config_settings):
         universal = Path(wheel_directory, name)
-        try:
+        with failure_allowed():
             name = platform_wheel.local_wheel(universal).name
             universal.unlink()
-        except Exception as error:  # whatever it is, the package installs without kernels
-            print(f"The first run compiles kernels, because compiling them now failed: {error}")
     return name
 
 
@@ -51,11 +50,18 @@ def build_editable(
     """Build the wheel of an editable installation, and compile kernels into their cache; return the wheel's name."""
     name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
     if kernels_wanted(config_settings):
-        try:
+        with failure_allowed():
             platform_wheel.compile_kernels(ROOT, "--common", "--cache")
-        except Exception as error:  # whatever it is, the package installs without kernels
-            print(f"The first run compiles kernels, because compiling them now failed: {error}")
     return name
+
+
+@contextmanager
+def failure_allowed() -> Iterator[None]:
+    """Print why kernels cannot be compiled, whatever it is; the package installs without them."""
+    try:
+        yield
+    except Exception as error:
+        print(f"The first run compiles kernels, because compiling them now failed: {error}")
 
 
 def kernels_wanted(config_settings: Settings) -> bool:

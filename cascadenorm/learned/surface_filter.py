@@ -18,8 +18,6 @@ BOUNDARY_RINGS = 1
 """Number of rings of vertices around the boundary whose faces count as near it, which gives two rings of faces."""
 BOUNDARY_PASSES = 3
 """Number of passes over the faces near the boundary."""
-
-
 QUADRIC_SHARES = 0.7, 0.3
 """Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
 
