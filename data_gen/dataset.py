@@ -34,7 +34,7 @@ CLEAN_SHARES: dict[ErrorPart, float] = {
     "isosurface": 0.4,
     "tessellation": 1.0,  # such triangles never come from a measurement
 }
-"""Share of the meshes without noise, as modelling programs export them."""
+"""Share of the meshes without noise, as modelling programs export them, if the noise kinds include "none"."""
 MORE_RELIEF: dict[ErrorPart, float] = {"isosurface": 3.0}
 """Factor on the share of meshes with relief, for parts where little else shows that smooth relief is not error."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
@@ -65,8 +65,8 @@ class DatasetConfig:
     # kinds of noise, drawn with equal chance; list one twice to double its chance. `sensor` applies only to the
     # families that cameras see, and to half of their meshes. If it is the only kind, it applies to all meshes
     noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
-    # share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise. Shapes
-    # measured by cameras or in volumes and CAD tessellations get no relief
+    # share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise if the noise
+    # kinds include "none". Shapes measured by cameras or in volumes and CAD tessellations get no relief
     relief: float = 0.0
     # noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of their
     # own, and half of them are drawn uniformly
@@ -92,6 +92,11 @@ class DatasetConfig:
             raise ValueError(f"relief is {self.relief}; it must be a share between 0 and 1")
         if not 0 < self.min_level <= self.max_level < math.inf:
             raise ValueError(f"noise levels are {self.min_level} to {self.max_level}; above 0, and the larger one last")
+
+    @property
+    def has_clean_meshes(self) -> bool:
+        """Whether some meshes have no noise."""
+        return "none" in self.noise_kinds
 
 
 class Pair(NamedTuple):
@@ -152,7 +157,7 @@ def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # the level is that of the measurement error
         kinds = [kind for kind in kinds if kind != "none"] or ["normal"]
-    if family is not None and rng.random() < CLEAN_SHARES.get(family.part, 0.0):
+    if family is not None and rng.random() < CLEAN_SHARES.get(family.part, 0.0) and config.has_clean_meshes:
         kinds = ["none"]
     if family is not None and family.part == "laser":
         return "laser", log_uniform(LASER_LEVELS, rng=rng)
@@ -178,7 +183,9 @@ def pair(config: DatasetConfig, index: int) -> Pair:
     modelled = not family.seen and family.part != "tessellation"
     if modelled and rng.random() < config.relief * MORE_RELIEF.get(family.part, 1.0):
         clean = clean.moved(clean.vertices + relief(clean, rng=rng))
-        kind, level = ("none", 0.0) if rng.random() < CLEAN_RELIEF else ("normal", log_uniform(RELIEF_LEVELS, rng=rng))
+        if config.has_clean_meshes:
+            clean_relief = rng.random() < CLEAN_RELIEF
+            kind, level = ("none", 0.0) if clean_relief else ("normal", log_uniform(RELIEF_LEVELS, rng=rng))
     return _disturbed(clean, name, kind, level, rng=rng)
 
 

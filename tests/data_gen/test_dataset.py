@@ -60,13 +60,22 @@ def test_seeds_differ_and_noise_settings_leave_the_shapes_alone():
 
 
 def test_relief_belongs_to_the_shape_and_most_of_it_has_no_noise():
-    config = DatasetConfig(seed=7, relief=1.0, noise_kinds=("normal",), **QUICK)
+    config = DatasetConfig(seed=7, relief=1.0, noise_kinds=("normal", "none"), **QUICK)
     plain = DatasetConfig(seed=7, noise_kinds=("none",), **QUICK)
     made = [pair(config, index) for index in range(12)]
     assert 3 <= sum(one.noise_kind == "none" for one in made) <= 11
     for index, one in enumerate(made):
         assert not np.allclose(one.clean.vertices, pair(plain, index).clean.vertices)
         assert (one.noise_kind == "none") == (one.noisy.vertices.tobytes() == one.clean.vertices.tobytes())
+
+
+def test_without_the_noise_kind_none_all_meshes_have_noise():
+    families = ("low_poly", "decimated", "structured")
+    config = DatasetConfig(seed=3, relief=0.5, families=families, noise_kinds=("normal", "gaussian"), **SMALL)
+    made = [pair(config, index) for index in range(12)]
+    assert {one.family for one in made} == set(families)
+    assert all(one.noise_kind != "none" and one.level >= config.min_level for one in made)
+    assert all(not np.allclose(one.noisy.vertices, one.clean.vertices, rtol=0, atol=1e-4) for one in made)
 
 
 @pytest.mark.parametrize("family", ["view", "segmentation", "cad_tessellation"])
