@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from cascadenorm.api.models import Denoiser as Denoiser
     from cascadenorm.api.models import train as train
     from cascadenorm.api.opened_files import DenoisingSummary as DenoisingSummary
-    from cascadenorm.api.regions import denoise_region_files as denoise_region_files
-    from cascadenorm.api.regions import denoise_regions as denoise_regions
+    from cascadenorm.api.regions.regions import denoise_region_files as denoise_region_files
+    from cascadenorm.api.regions.regions import denoise_regions as denoise_regions
     from cascadenorm.api.spectra import Spectrum as Spectrum
     from cascadenorm.api.spectra import spectrum as spectrum
     from cascadenorm.batch.batch import denoise_files as denoise_files
@@ -65,7 +65,7 @@ _NAMES = {  # loaded when first used: the command line starts without numpy and 
     "api.inspection": "Inspection inspect",
     "api.models": "Denoiser train",
     "api.opened_files": "DenoisingSummary",
-    "api.regions": "denoise_region_files denoise_regions",
+    "api.regions.regions": "denoise_region_files denoise_regions",
     "api.spectra": "Spectrum spectrum",
     "batch.batch": "denoise_files",
     "controls": "Controls",

@@ -31,9 +31,7 @@ MAY_IMPORT = {
     "learned": "errors compute execution mesh registry detection geometry patches data_gen baselines",
     "controls": "errors mesh registry detection geometry baselines",
     "render": "errors mesh io geometry",
-    "regions": "mesh geometry baselines controls",
-    "api": "errors compute execution mesh registry io detection geometry data_gen patches baselines learned controls "
-    "regions",
+    "api": "errors compute execution mesh registry io detection geometry data_gen patches baselines learned controls",
     "batch": "version errors execution mesh registry io learned controls api",
     "evaluation": "version errors execution mesh registry io geometry data_gen controls api",
     "frontends": "errors execution mesh registry io geometry controls api",

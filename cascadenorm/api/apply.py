@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
+from cascadenorm.api.regions.shells import Shells, split_into_shells
+from cascadenorm.api.regions.walls import joined_walls, with_region_volumes
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.controls.detail import (
@@ -40,8 +42,6 @@ from cascadenorm.mesh import (
     without_repeated_faces,
 )
 from cascadenorm.patches.work import free_derived
-from cascadenorm.regions.shells import Shells, split_into_shells
-from cascadenorm.regions.walls import joined_walls, with_region_volumes
 from cascadenorm.registry import REGION, Method
 
 Step = Callable[[Mesh], Vectors]

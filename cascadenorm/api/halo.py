@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.api.regions.shells import shells
 from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
@@ -25,7 +26,6 @@ from cascadenorm.mesh import (
     repeats_vertex,
     without_lines,
 )
-from cascadenorm.regions.shells import shells
 from cascadenorm.registry import Method, find
 
 LOCAL_CONTROLS = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")

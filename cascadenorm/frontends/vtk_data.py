@@ -9,7 +9,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
 from cascadenorm.api.api import denoise
-from cascadenorm.api.regions import denoise_regions
+from cascadenorm.api.regions.regions import denoise_regions
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.interop import as_mesh
 

@@ -7,11 +7,11 @@ from partitions import walls
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.cli import run
 from cascadenorm.errors import MeshError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.regions.coincidence import coincident_vertices, join_meshes
 
 OPTIONS = {"method": "bilateral-normal", "iterations": 5}
 

@@ -5,9 +5,9 @@ import pytest
 from partitions import PARTITIONS, walls
 from shapes import cube, icosphere, noisy
 
+from cascadenorm.api.regions.shells import _canonical, shells
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.mesh import Mesh
-from cascadenorm.regions.shells import _canonical, shells
 
 
 def labels_of_sides(found, mesh):

@@ -3,12 +3,12 @@
 import numpy as np
 import scipy
 
+from cascadenorm.api.regions.shells import Shells
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.controls.boundary import BoundaryEdges, smoothed_curve
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.geometry.volume import Parts, closed_parts, volumes
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, scatter_add, unit
-from cascadenorm.regions.shells import Shells
 
 JUNCTION_SPREAD = 100.0  # disables the range weight along junction curves, where voxel steps look like corners
 DIRECTION_PASSES, VERTEX_PASSES = 2, 60

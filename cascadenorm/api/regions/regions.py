@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
+from cascadenorm.api.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
@@ -18,7 +19,6 @@ from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, 
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, limit_threads
-from cascadenorm.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.registry import Method, find
 
 if TYPE_CHECKING:
