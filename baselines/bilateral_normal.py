@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_vertices
 from cascadenorm.compute.elementary import exp
 from cascadenorm.execution.progress import track
+from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.sparse_solvers import solve_preconditioned
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import add, divided, length, row, scaled, squared_distance
-from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 LEAST_AREA = 1e-6  # mean areas; a face without area still gets a normal, from its neighbours

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.execution.progress import track
+from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
 from cascadenorm.mesh.vectors import add, divided, dot, length, row, scaled, squared_distance, subtract
-from cascadenorm.patches.work import normals_by_patches
 from cascadenorm.registry import Parameter, method
 
 Threshold = Annotated[

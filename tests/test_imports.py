@@ -26,19 +26,18 @@ MAY_IMPORT = {
     "detection": "mesh",
     "geometry": "errors execution mesh detection",
     "data_gen": "execution mesh detection",
-    "patches": "errors execution mesh registry geometry",
-    "baselines": "compute execution mesh registry geometry patches",
-    "learned": "errors compute execution mesh registry detection geometry patches data_gen baselines",
+    "baselines": "compute execution mesh registry geometry",
+    "learned": "errors compute execution mesh registry detection geometry data_gen baselines",
     "controls": "errors mesh registry detection geometry baselines",
     "render": "errors mesh io geometry",
-    "api": "errors compute execution mesh registry io detection geometry data_gen patches baselines learned controls",
+    "api": "errors compute execution mesh registry io detection geometry data_gen baselines learned controls",
     "batch": "version errors execution mesh registry io learned controls api",
     "evaluation": "version errors execution mesh registry io geometry data_gen controls api",
     "frontends": "errors execution mesh registry io geometry controls api",
     "reports": "version errors execution mesh registry io geometry controls render api evaluation",
     "studio": "errors compute execution mesh registry io controls api reports",
-    "cli": "version errors compute execution mesh registry io geometry learned controls render api batch "
-    "evaluation reports studio",
+    "cli": "version errors compute execution mesh registry io geometry learned controls render api batch evaluation "
+    "reports studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
 

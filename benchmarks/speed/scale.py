@@ -25,9 +25,9 @@ import numpy as np
 
 from benchmarks import results
 from benchmarks.speed.processes import COMMAND, timed
+from cascadenorm.api.patch_sizes import MAX_PATCH_FACES, PATCH_FACE_BYTES, WHOLE_FACE_BYTES
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.patches.planning import MAX_PATCH_FACES, PATCH_FACE_BYTES, WHOLE_FACE_BYTES
 
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 FEW = 60

@@ -14,6 +14,7 @@ import cascadenorm.baselines  # noqa: F401 - registers its methods, as the learn
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.patch_sizes import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
@@ -31,7 +32,6 @@ from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Vectors, limit_threads
-from cascadenorm.patches.planning import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.registry import Method, find, registered
 
 if TYPE_CHECKING:

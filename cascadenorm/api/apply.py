@@ -27,6 +27,7 @@ from cascadenorm.controls.weights import may_fix_vertices, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.geometry.volume import with_volume_of
 from cascadenorm.mesh import (
     Ints,
@@ -41,7 +42,6 @@ from cascadenorm.mesh import (
     without_lines,
     without_repeated_faces,
 )
-from cascadenorm.patches.work import free_derived
 from cascadenorm.registry import REGION, Method
 
 Step = Callable[[Mesh], Vectors]

@@ -1,1 +1,1 @@
-"""Geometry processing: Laplacians, solvers, spectra, neighbourhoods, nearest points, holes, metrics."""
+"""Geometry processing: Laplacians, solvers, spectra, neighbourhoods, nearest points, holes, metrics, patches."""

@@ -11,12 +11,12 @@ from typing import Any
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.errors import ConfigError, ParameterError
 from cascadenorm.execution.progress import track
+from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.learned.regression import Regression
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.patches.work import free_derived
 
 CASCADE_FORMATS = ("cascadenorm/7", "cascadenorm/6")
 """Formats of weights files. The first one is written. A format identifies the constants in `descriptors` and

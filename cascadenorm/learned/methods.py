@@ -12,13 +12,13 @@ import numpy as np
 from cascadenorm.detection.gate import Treatment
 from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.detection.spikes import without_spikes
+from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.gated import ChosenNetworks, GatedCascades, read_model
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.learned.surface_filter import with_filtered_surfaces
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.patches.work import free_derived
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Learned = Cascade | GatedCascades

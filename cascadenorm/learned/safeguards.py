@@ -8,9 +8,9 @@ import numpy as np
 from cascadenorm.detection.chords import CHORD_RINGS, NOISE_PASSES, chord_noise, chord_residuals
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
 from cascadenorm.geometry.foldovers import without_flips
+from cascadenorm.geometry.patches.cutting import MeshPatch
+from cascadenorm.geometry.patches.work import active_patching, moved_in_patches
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, row_lengths
-from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import active_patching, moved_in_patches
 
 NOISE_FACTOR = 30.0
 """Bound on the displacement of a vertex, as a multiple of the noise estimated around it. For independent noise a

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.normal_filter_bank import faces_added
+from cascadenorm.geometry.patches.cutting import MeshPatch
+from cascadenorm.geometry.patches.work import HALO_MARGIN, Patching, active_patching, each_patch, face_rows
 from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S, Stack
 from cascadenorm.learned.features import CONTEXT_STEPS, ComponentSums
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
-from cascadenorm.patches.cutting import MeshPatch
-from cascadenorm.patches.work import HALO_MARGIN, Patching, active_patching, each_patch, face_rows
 
 BY_DISTANCE = 14
 """First halo width in edges that is tried for filters with a neighbourhood by distance."""

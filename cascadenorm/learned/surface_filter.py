@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.bilateral_normal import bilateral_normals
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.fairing import grown
+from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.quadrics import quadric_normals
 from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit
-from cascadenorm.patches.work import normals_by_patches
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
 """Settings of the bilateral filter, named as in the method `bilateral-normal`."""

@@ -8,14 +8,14 @@ from partitions import walls
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.api import patch_sizes
 from cascadenorm.cli import run
 from cascadenorm.geometry.neighborhoods import steps_from
+from cascadenorm.geometry.patches.cutting import Cutter
+from cascadenorm.geometry.patches.work import Patching, face_rows, working_in_patches
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned import stage_normals
 from cascadenorm.mesh import Mesh
-from cascadenorm.patches import planning
-from cascadenorm.patches.cutting import Cutter
-from cascadenorm.patches.work import Patching, face_rows, working_in_patches
 
 AGREES = 1e-5  # of an edge; rounding in products of matrices, made larger by what follows
 RIBBON = noisy(grid(400, 6), 0.25, seed=1)
@@ -211,7 +211,7 @@ def place(tmp_path, monkeypatch) -> Path:
     """A working directory in which a mesh of some thousand faces is large, so that 6 kB hold patches of 900 faces."""
     monkeypatch.chdir(tmp_path)
     for name, value in FEW.items():
-        monkeypatch.setattr(planning, name, value)
+        monkeypatch.setattr(patch_sizes, name, value)
     return tmp_path
 
 
@@ -252,7 +252,7 @@ def test_a_mesh_that_does_not_fit_is_denoised_in_patches_and_that_is_said(place,
 
 def test_which_methods_work_in_patches():
     def works(name, **given):
-        return planning.works_in_patches(cn.methods()[name], given)
+        return patch_sizes.works_in_patches(cn.methods()[name], given)
 
     assert works("auto") and works("cascade") and works("guided-normal") and all(map(works, EXACT))
     assert not works("guided-normal", fit="least-squares") and not works("bilateral-normal", fit="least-squares")

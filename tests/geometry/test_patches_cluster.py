@@ -5,14 +5,14 @@ from batches import LINUX
 from test_patches import BALL, RIBBON, place  # noqa: F401 - a fixture
 
 import cascadenorm as cn
+from cascadenorm.api import patch_sizes
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.patches import planning
 
 
 @LINUX
 @pytest.mark.parametrize("method", ["bilateral-normal", "auto"])
 def test_workers_give_the_result_of_this_process(place, cluster, method, monkeypatch):  # noqa: F811
-    monkeypatch.setattr(planning, "MAX_PATCH_FACES", 2400)
+    monkeypatch.setattr(patch_sizes, "MAX_PATCH_FACES", 2400)
     save_mesh(place / "scan.ply", RIBBON if method == "auto" else BALL)
     whole = cn.denoise_file("scan.ply", "whole.ply", method=method)
     there = cn.denoise_file("scan.ply", "there.ply", method=method, memory=2500, scheduler=cluster[0])

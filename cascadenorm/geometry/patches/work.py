@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.execution.process_map import Map
+from cascadenorm.geometry.patches.cutting import Cutter, MeshPatch, TooNarrow, without_positions
 from cascadenorm.mesh import Ints32, Mesh, Vectors
-from cascadenorm.patches.cutting import Cutter, MeshPatch, TooNarrow, without_positions
 
 Result = TypeVar("Result")
 

@@ -7,8 +7,8 @@ from typing import Any
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.cluster import LOCAL_CLUSTER, on_cluster
 from cascadenorm.execution.memory import PROCESS_BYTES, format_bytes
+from cascadenorm.geometry.patches.work import Patching, working_in_patches
 from cascadenorm.mesh import thread_count
-from cascadenorm.patches.work import Patching, working_in_patches
 from cascadenorm.registry import Method, registered
 
 WHOLE_FACE_BYTES = 350  # largest memory use per face of the whole mesh, including its file, during work in patches
