@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from cascadenorm.api.spectra import Spectrum as Spectrum
     from cascadenorm.api.spectra import spectrum as spectrum
     from cascadenorm.batch.batch import denoise_files as denoise_files
-    from cascadenorm.controls import Controls as Controls
     from cascadenorm.errors import CascadenormError as CascadenormError
     from cascadenorm.errors import ConfigError as ConfigError
     from cascadenorm.errors import DenoiseError as DenoiseError
@@ -52,6 +51,7 @@ if TYPE_CHECKING:
     from cascadenorm.learned.config import TrainConfig as TrainConfig
     from cascadenorm.learned.config import read_config as read_config
     from cascadenorm.mesh import Mesh as Mesh
+    from cascadenorm.registry.controls import Controls as Controls
     from cascadenorm.reports import report as report
     from cascadenorm.reports.notebook import view as view
 
@@ -68,7 +68,6 @@ _NAMES = {  # loaded when first used: the command line starts without numpy and 
     "api.regions.regions": "denoise_region_files denoise_regions",
     "api.spectra": "Spectrum spectrum",
     "batch.batch": "denoise_files",
-    "controls": "Controls",
     "errors": "CascadenormError ConfigError DenoiseError MeshError MissingDependencyError OutputError "
     "ParameterError ReadError WorkerError",
     "evaluation.harness": "evaluate",
@@ -77,6 +76,7 @@ _NAMES = {  # loaded when first used: the command line starts without numpy and 
     "io": "from_arrays read",
     "learned.config": "TrainConfig read_config",
     "mesh": "Mesh",
+    "registry.controls": "Controls",
     "reports": "report",
     "reports.notebook": "view",
 }

@@ -31,13 +31,13 @@ MAY_IMPORT = {
     "controls": "errors mesh registry detection geometry baselines",
     "render": "errors mesh io geometry",
     "api": "errors compute execution mesh registry io detection geometry data_gen baselines learned controls",
-    "batch": "version errors execution mesh registry io learned controls api",
-    "evaluation": "version errors execution mesh registry io geometry data_gen controls api",
-    "frontends": "errors execution mesh registry io geometry controls api",
-    "reports": "version errors execution mesh registry io geometry controls render api evaluation",
-    "studio": "errors compute execution mesh registry io controls api reports",
-    "cli": "version errors compute execution mesh registry io geometry learned controls render api batch evaluation "
-    "reports studio",
+    "batch": "version errors execution mesh registry io learned api",
+    "evaluation": "version errors execution mesh registry io geometry data_gen api",
+    "frontends": "errors execution mesh registry io geometry api",
+    "reports": "version errors execution mesh registry io geometry render api evaluation",
+    "studio": "errors compute execution mesh registry io api reports",
+    "cli": "version errors compute execution mesh registry io geometry learned render api batch evaluation reports "
+    "studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
 

@@ -17,7 +17,6 @@ from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file
 from cascadenorm.api.patch_sizes import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
 from cascadenorm.errors import OutputError, ParameterError
 from cascadenorm.execution.memory import (
     FACE_BYTES,
@@ -33,6 +32,7 @@ from cascadenorm.io.interop import as_mesh
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.mesh import Vectors, limit_threads
 from cascadenorm.registry import Method, find, registered
+from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -21,7 +21,6 @@ from cascadenorm.controls.detail import (
     without_detail,
 )
 from cascadenorm.controls.displacement import displace, framed_length
-from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.controls.sliding import Sliding, sliding
 from cascadenorm.controls.weights import may_fix_vertices, vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
@@ -43,6 +42,7 @@ from cascadenorm.mesh import (
     without_repeated_faces,
 )
 from cascadenorm.registry import REGION, Method
+from cascadenorm.registry.controls import CONTROLS, Controls
 
 Step = Callable[[Mesh], Vectors]
 """One application of a method and its controls, mapping a mesh to its new vertices."""

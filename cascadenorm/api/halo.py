@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.regions.shells import shells
-from cascadenorm.controls.settings import CONTROLS, Controls
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
@@ -27,6 +26,7 @@ from cascadenorm.mesh import (
     without_lines,
 )
 from cascadenorm.registry import Method, find
+from cascadenorm.registry.controls import CONTROLS, Controls
 
 LOCAL_CONTROLS = ("strength", "mask", "fixed", "only", "boundary", "max_displacement", "threads", "progress", "halo")
 """Controls that depend on no more of the mesh than the method does."""

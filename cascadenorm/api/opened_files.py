@@ -16,7 +16,6 @@ from cascadenorm.api.apply import reported_controls
 from cascadenorm.api.kept_components import Dropped, without_small_components
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
-from cascadenorm.controls.settings import Controls, parsed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError
 from cascadenorm.geometry.orientation import oriented
@@ -36,6 +35,7 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
+from cascadenorm.registry.controls import Controls, parsed_length
 
 
 @dataclass(frozen=True, kw_only=True)

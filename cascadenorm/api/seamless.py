@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from cascadenorm.api.opened_files import moved_file
 from cascadenorm.api.selection import resolve_controls, weld_controls
-from cascadenorm.controls.settings import Controls
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.io import MeshFile
 from cascadenorm.io.interop import adapter, as_mesh, is_pair
 from cascadenorm.mesh import Bools, Mesh, bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.welding import weld
+from cascadenorm.registry.controls import Controls
 
 
 class SeamlessMesh(NamedTuple):

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.controls.settings import Controls
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
+from cascadenorm.registry.controls import Controls
 
 ARRAY_FILES = (".npy", ".txt")
 INDEX_RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # matches "5" or "7-20"

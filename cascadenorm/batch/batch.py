@@ -23,7 +23,6 @@ from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, Watched
 from cascadenorm.batch.work import Outcome, Settings, Task, work
-from cascadenorm.controls.settings import Controls, with_control_parameters
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.execution.cluster import required_folder
 from cascadenorm.execution.memory import USABLE_FRACTION, available_memory, parse_bytes
@@ -32,6 +31,7 @@ from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
 from cascadenorm.io.files import is_url
 from cascadenorm.mesh import thread_count
+from cascadenorm.registry.controls import Controls, with_control_parameters
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from cascadenorm.batch.work import Settings
-from cascadenorm.controls.settings import checked_controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.learned.gated import read_model
 from cascadenorm.learned.methods import weights_file
 from cascadenorm.registry import find
+from cascadenorm.registry.controls import checked_controls
 from cascadenorm.version import __version__
 
 NO_RESULT = ("threads", "progress")

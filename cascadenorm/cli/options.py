@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cascadenorm.controls import CONTROLS, ControlSetting
+from cascadenorm.registry.controls import CONTROLS, ControlSetting
 
 MethodOption = Annotated[str, typer.Option(metavar="NAME", help="Denoising method; `cascadenorm methods` lists all.")]
 ModelOption = Annotated[

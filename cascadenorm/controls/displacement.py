@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.controls.settings import Length, parsed_length
 from cascadenorm.errors import DenoiseError
 from cascadenorm.mesh import Mesh, Vectors, all_in_rows, first_places
+from cascadenorm.registry.controls import Length, parsed_length
 
 
 def framed_length(name: str, length: Length | None, framed: Mesh, exponent: int) -> float:

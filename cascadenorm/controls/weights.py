@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.controls.boundary import boundary_edges
-from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh, first_places
+from cascadenorm.registry.controls import Controls
 
 
 def may_fix_vertices(controls: Controls) -> bool:

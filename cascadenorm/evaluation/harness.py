@@ -9,7 +9,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from cascadenorm.controls import checked_controls
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
@@ -21,6 +20,7 @@ from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.io.pairs import FilePair, Paths, find_pairs
 from cascadenorm.registry import find
+from cascadenorm.registry.controls import checked_controls
 
 __all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "FailedRun", "RunResult", "evaluate"]
 

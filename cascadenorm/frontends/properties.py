@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from cascadenorm.api.api import DEFAULT_METHOD, methods
-from cascadenorm.controls import CONTROLS
 from cascadenorm.registry import Setting
+from cascadenorm.registry.controls import CONTROLS
 
 Filter = type[Any]
 

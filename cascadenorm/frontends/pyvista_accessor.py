@@ -8,11 +8,11 @@ import pyvista
 
 from cascadenorm.api.api import DEFAULT_METHOD, compare
 from cascadenorm.api.inspection import Inspection, inspect
-from cascadenorm.controls.settings import with_control_parameters
 from cascadenorm.execution.progress import Listener
 from cascadenorm.frontends.progress_bars import progress_bar
 from cascadenorm.frontends.vtk_data import denoised
 from cascadenorm.geometry.metrics import Measures
+from cascadenorm.registry.controls import with_control_parameters
 
 NAME = "cascadenorm"
 

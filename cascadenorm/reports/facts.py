@@ -11,10 +11,10 @@ from cascadenorm.api.api import weights_digest
 from cascadenorm.api.inspection import Inspection
 from cascadenorm.api.inspection.source import Found
 from cascadenorm.api.opened_files import DenoisingSummary
-from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.registry import find
+from cascadenorm.registry.controls import CONTROLS
 from cascadenorm.reports.given import Given
 from cascadenorm.version import __version__
 

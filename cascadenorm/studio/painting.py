@@ -4,9 +4,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh
+from cascadenorm.registry.controls import Controls
 from cascadenorm.reports.display import Display
 
 FREE, PINNED = 0, 255

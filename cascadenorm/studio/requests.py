@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from cascadenorm import io
 from cascadenorm.api.apply import reported_controls
 from cascadenorm.api.opened_files import Opened, written_file
-from cascadenorm.controls.settings import Controls
 from cascadenorm.errors import MeshError, OutputError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output, write_together
 from cascadenorm.io.files import check_target, is_mesh_name
+from cascadenorm.registry.controls import Controls
 from cascadenorm.reports.facts import Recipe, command_line, python_call
 from cascadenorm.studio.painting import has_paint
 from cascadenorm.studio.settings import Chosen, form

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.selection import ARRAY_FILES
-from cascadenorm.controls import CONTROLS
-from cascadenorm.controls.settings import Controls, checked_controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.registry import Method, Setting, by_family, find
+from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls
 from cascadenorm.studio.names import label
 
 MOST_LETTERS = 10_000

@@ -14,12 +14,12 @@ from cascadenorm.api.apply import run_with_controls, step_key
 from cascadenorm.api.opened_files import detected_error
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import CONTROLS, Controls, parsed_length
 from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.mesh import Mesh, Vectors, in_frame, limit_threads, without_lines
+from cascadenorm.registry.controls import CONTROLS, Controls, parsed_length
 from cascadenorm.reports.display import Display, display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.scene import Comparison, scene

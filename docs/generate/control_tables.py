@@ -4,7 +4,7 @@ import re
 import shlex
 from pathlib import Path
 
-from cascadenorm.controls import CONTROLS, ControlSetting
+from cascadenorm.registry.controls import CONTROLS, ControlSetting
 
 PAGE = Path(__file__).parents[1] / "controls.md"
 

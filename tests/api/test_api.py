@@ -7,13 +7,13 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.apply import run_with_controls, step_key
-from cascadenorm.controls import checked_controls
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.volume import closed_parts, is_closed, with_volume_of
 from cascadenorm.io.interop import adapter, save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import FAMILIES, Method
 from cascadenorm.registry import method as register
+from cascadenorm.registry.controls import checked_controls
 
 BALL = noisy(icosphere(2), 0.2)
 METHOD = {"method": "bilateral-normal"}

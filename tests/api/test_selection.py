@@ -8,10 +8,10 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.selection import labelled_faces, resolve_controls
-from cascadenorm.controls import checked_controls
 from cascadenorm.io.content import Content
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh.polygons import Polygons
+from cascadenorm.registry.controls import checked_controls
 
 BALL = noisy(icosphere(2), 0.1)
 COUNT = len(BALL.vertices)

@@ -13,8 +13,8 @@ from shapes import grid, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.controls import CONTROLS
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry.controls import CONTROLS
 
 
 def test_denoise_writes_beside_its_input_and_says_so(place, capsys):

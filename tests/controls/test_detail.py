@@ -7,13 +7,13 @@ from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.apply import run_with_controls
-from cascadenorm.controls import checked_controls
 from cascadenorm.controls.detail import high_pass_filter
 from cascadenorm.data_gen.dataset import DatasetConfig, pair
 from cascadenorm.data_gen.noise.noise import NoiseKind
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, angles_between
 from cascadenorm.registry import Method
+from cascadenorm.registry.controls import checked_controls
 
 BALL = icosphere(4)
 EDGE = BALL.mean_edge_length

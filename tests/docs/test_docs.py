@@ -16,7 +16,6 @@ from shapes import icosphere
 
 import cascadenorm as cn
 from benchmarks.accuracy.pairs import collect
-from cascadenorm import registry
 from cascadenorm.api.api import methods
 from cascadenorm.cli import run
 from cascadenorm.evaluation import public_sets
@@ -24,6 +23,7 @@ from cascadenorm.evaluation.public_sets import PUBLIC_SETS, KnownPair, geometry_
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.stage import Stage
+from cascadenorm.registry import methods as registry
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from cascadenorm import registry
 from cascadenorm.api.api import methods
+from cascadenorm.registry import methods as registry
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))

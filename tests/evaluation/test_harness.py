@@ -8,7 +8,6 @@ import pytest
 from evaluated import COPY, SHAPES, python
 from shapes import icosphere, noisy
 
-from cascadenorm import registry
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.evaluation import pairs as pairs_module
 from cascadenorm.evaluation import runs
@@ -16,6 +15,7 @@ from cascadenorm.evaluation.harness import NOISY, evaluate
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import ReadError
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry import methods as registry
 
 
 def test_measures_are_those_of_the_denoised_mesh(folder):

@@ -10,11 +10,11 @@ import pytest
 from evaluated import SHAPES, python
 from shapes import icosphere
 
-from cascadenorm import registry
 from cascadenorm.cli import run
 from cascadenorm.evaluation.harness import evaluate
 from cascadenorm.io.digests import source_digest
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry import methods as registry
 
 
 def counted_method(monkeypatch):

@@ -14,8 +14,8 @@ from partitions import walls
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls import CONTROLS
 from cascadenorm.io.interop import adapter, save_mesh
+from cascadenorm.registry.controls import CONTROLS
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy

@@ -7,9 +7,9 @@ from shapes import cube, grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.controls.creases import crease_edges
-from cascadenorm.controls.settings import checked_controls
 from cascadenorm.mesh import Mesh, ordered_for_cache, ordering
 from cascadenorm.registry import Method
+from cascadenorm.registry.controls import checked_controls
 
 BALL = noisy(icosphere(2), 0.15, seed=3)
 BOX = noisy(Mesh(cube(5).vertices, cube(5).faces[50:]), 0.1, seed=2)  # without its lid

@@ -20,8 +20,8 @@ from studios import Studio, until
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.controls import CONTROLS
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry.controls import CONTROLS
 from cascadenorm.studio import server
 from cascadenorm.studio.session import Session
 from cascadenorm.studio.uploads import TooLarge, Uploads

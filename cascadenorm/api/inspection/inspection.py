@@ -19,7 +19,6 @@ from cascadenorm.api.inspection.defects import (
 )
 from cascadenorm.api.inspection.source import Found, GivenMesh, taken
 from cascadenorm.api.opened_files import detected_error
-from cascadenorm.controls.settings import checked_controls
 from cascadenorm.detection.error_kind import ErrorKind
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.detection.steps import Treads, treads
@@ -38,6 +37,7 @@ from cascadenorm.mesh import (
 )
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import find
+from cascadenorm.registry.controls import checked_controls
 
 MOST_FACES_CROSSED = 200_000
 """Maximum number of faces of meshes that are checked for self-intersections by default."""

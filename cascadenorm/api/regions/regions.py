@@ -15,11 +15,11 @@ from cascadenorm.api.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.settings import CONTROLS, Controls, checked_controls, with_control_parameters
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, limit_threads
 from cascadenorm.registry import Method, find
+from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

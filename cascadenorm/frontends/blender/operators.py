@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cascadenorm.api.api import denoise
 from cascadenorm.api.inspection import inspect
 from cascadenorm.api.inspection.findings import FINDINGS
-from cascadenorm.controls import CONTROLS
 from cascadenorm.errors import CascadenormError, counted
 from cascadenorm.execution.progress import Listener, report_to
 from cascadenorm.frontends.blender.properties import chosen, declarations, identifier, label, parameters_of
@@ -25,6 +24,7 @@ from cascadenorm.frontends.blender.surfaces import (
     write_shape_key,
 )
 from cascadenorm.frontends.jobs import Cancelled, Job
+from cascadenorm.registry.controls import CONTROLS
 
 WIDTH = 42
 """Characters of a line of text in the panel."""

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from cascadenorm.api.api import DEFAULT_METHOD, methods
-from cascadenorm.controls import CONTROLS
 from cascadenorm.frontends.properties import Property, properties, settings_of
+from cascadenorm.registry.controls import CONTROLS
 
 RESULTS = [
     ("MESH", "This mesh", "Move the vertices of the mesh, or of its active shape key"),

@@ -12,8 +12,15 @@ from shapes import icosphere
 import cascadenorm as cn
 from cascadenorm.api.apply import UNREPORTED
 from cascadenorm.cli import options, run
-from cascadenorm.controls import CONTROLS, Controls, ControlSetting, checked_controls, settings
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry.controls import (
+    CONTROLS,
+    Control,
+    Controls,
+    ControlSetting,
+    checked_controls,
+    with_control_parameters,
+)
 
 ROOT = Path(__file__).parents[2]
 JSON_PAGE = (ROOT / "docs" / "json.md").read_text(encoding="utf-8")
@@ -62,11 +69,11 @@ def test_the_tables_of_the_documentation_are_those_of_the_declaration(docs):
 
 
 def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path):
-    about = settings.Control(help="Shine.", minimum=0, default=0.0, example=2, metavar="NUMBER")
+    about = Control(help="Shine.", minimum=0, default=0.0, example=2, metavar="NUMBER")
     monkeypatch.setitem(CONTROLS, "glow", ControlSetting("glow", float, 0.0, about))
     monkeypatch.setitem(options.OPTIONS, "glow", CONTROLS["glow"])
 
-    @settings.with_control_parameters
+    @with_control_parameters
     def work(**controls):
         """Work.
 

@@ -15,7 +15,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict, TypeVar, cast, get_type_hints
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.registry import Parameter, Setting, declared
+from cascadenorm.registry.parameters import Parameter, Setting, declared
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
