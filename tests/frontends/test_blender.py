@@ -11,8 +11,8 @@ from blender_zip import build
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm import registry
 from cascadenorm.mesh import Vectors
-from cascadenorm.registry import Parameter, method, methods
 
 bpy = pytest.importorskip("bpy", reason="bpy, Blender as a module, is not installed")
 
@@ -73,10 +73,10 @@ def test_it_moves_the_mesh_as_python_does_and_undo_brings_it_back(ball):
 
 def test_every_method_and_its_parameters_are_settings_and_a_new_one_appears_by_itself(ball, monkeypatch):
     blender.unregister()
-    monkeypatch.setattr(methods, "_methods", dict(methods._methods))
+    monkeypatch.setattr(registry.methods, "_methods", dict(registry.methods._methods))
 
-    @method("shifted", source="this test")
-    def shifted(mesh: cn.Mesh, *, by: Annotated[float, Parameter("along x", minimum=0)] = 0.25) -> Vectors:
+    @registry.method("shifted", source="this test")
+    def shifted(mesh: cn.Mesh, *, by: Annotated[float, registry.Parameter("along x", minimum=0)] = 0.25) -> Vectors:
         return mesh.vertices + np.array([by, 0, 0])
 
     blender.register()

@@ -1,7 +1,7 @@
 """Build the extension of Blender: one zip for a platform, with the wheels that it needs.
 
-    python blender/build.py                             # for this platform, Blender 4.2 to 5.0
-    python blender/build.py --python 3.13 --platform windows-x64 macos-arm64 --output dist
+    python release/blender/build.py                             # for this platform, Blender 4.2 to 5.0
+    python release/blender/build.py --python 3.13 --platform windows-x64 macos-arm64 --output dist
 
 Wheels of other projects come from PyPI, as they are there; numpy is Blender's own. The size of each zip is printed.
 """
@@ -17,8 +17,8 @@ from email import message_from_bytes
 from email.message import Message
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-MANIFEST = ROOT / "blender" / "blender_manifest.toml"
+ROOT = Path(__file__).resolve().parents[2]
+MANIFEST = ROOT / "release" / "blender" / "blender_manifest.toml"
 
 VERSIONS = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", "")}
 """Versions of Blender with each version of Python: from this one, and up to, but not including, that one."""
@@ -98,7 +98,7 @@ def packed(wheels: list[Path], name: str, python: str, output: Path) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("blender_manifest.toml", manifest)
         archive.writestr("LICENSES.md", licences(wheels))
-        archive.write(ROOT / "blender" / "__init__.py", "__init__.py")
+        archive.write(ROOT / "release" / "blender" / "__init__.py", "__init__.py")
         archive.write(ROOT / "LICENSE", "LICENSE")
         for wheel in wheels:
             archive.write(wheel, f"wheels/{wheel.name}", zipfile.ZIP_STORED)
