@@ -229,7 +229,7 @@ def denoise_regions(
     **controls: Any,
 ) -> None:
     """Denoise mesh files with coincident walls, such as segmented regions. Shared walls remain identical."""
-    from cascadenorm.api import regions
+    from cascadenorm.api.regions import regions
     from cascadenorm.cli import json_output, progress_bars, tables
 
     parameters = parameter_values(settings, model)
