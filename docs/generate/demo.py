@@ -11,7 +11,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from PIL import Image
 
-from cascadenorm.cli.demo import BEFORE_AFTER, EXAMPLES, Example, demo, draw
+from cascadenorm.cli.demo import BEFORE_AFTER, EXAMPLES, demo, draw, meshes_of
+from cascadenorm.mesh import Mesh
 from cascadenorm.render import Camera, render
 
 DOCS = Path(__file__).parents[1]
@@ -23,18 +24,18 @@ LINE = (176, 30, 99)
 def main() -> None:
     """Replace both pictures."""
     with TemporaryDirectory() as folder:
-        examples = demo(folder)
-        draw(examples, Path(folder))
+        done = demo(folder)
+        draw(done, Path(folder))
         copyfile(Path(folder) / BEFORE_AFTER, DOCS / "demo.png")
-    split = np.concatenate([halves(example) for example in examples], axis=1)
+        split = np.concatenate([halves(pair.name, *meshes_of(done, pair)) for pair in done.pairs], axis=1)
     Image.fromarray(split).quantize(256, dither=Image.Dither.NONE).save(DOCS / "split.png", optimize=True)
 
 
-def halves(example: Example) -> np.ndarray:
-    """Return a picture whose left half is the noisy mesh and whose right half is that of `auto`."""
-    auto = next(outcome for outcome in example.denoised if outcome.method == "auto")
-    view = Camera.looking_at(example.clean, direction=EXAMPLES[example.name])
-    left, right = (render(one.mesh, view=view, size=PANEL) for one in (example.noisy, auto))
+def halves(name: str, noisy: Mesh, *others: Mesh) -> np.ndarray:
+    """Return a picture whose left half is the noisy mesh and whose right half is that of `auto`, the last method."""
+    *_, auto, clean = others
+    view = Camera.looking_at(clean, direction=EXAMPLES[name])
+    left, right = (render(mesh, view=view, size=PANEL) for mesh in (noisy, auto))
     middle = PANEL[0] // 2
     picture = np.concatenate([left[:, :middle], right[:, middle:]], axis=1)
     picture[:, middle - 1 : middle + 1] = LINE

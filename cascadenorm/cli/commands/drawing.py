@@ -44,9 +44,10 @@ def demo(
     from cascadenorm.cli import progress_bars, tables
 
     with progress_bars.progress_tasks() as progress:
-        examples = demonstration.demo(folder, force=force, progress=progress)
-    tables.print_table(demonstration.table(examples))
-    demonstration.draw(examples, folder)
+        done = demonstration.demo(folder, force=force, progress=progress)
+    tables.print_evaluation(done)
+    print("E_a is the mean angle between the normals of the faces and the true ones, E_v the distance of the vertices.")
+    demonstration.draw(done, folder)
     print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
 
 
