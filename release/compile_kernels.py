@@ -5,7 +5,7 @@
     python release/compile_kernels.py --cache   # compiles for this processor, into the cache of kernels
 
 Kernels are compiled as they are called: every method is run and every format is read once, on a small piece of a scan.
-With `--common`, which is much faster, only the methods in COMMON and `inspect` are run.
+With `--common`, which is much faster, only the methods in COMMON, `inspect` and `compare` are run.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import gc
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -45,12 +45,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--common", action="store_true", help="compile only what common commands need")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args(arguments)
-    use = exercise_common if chosen.common else exercise
     if chosen.cache:
-        use()
+        exercise(common=chosen.common)
         return
     if chosen.here:
-        work(use, chosen.check)
+        work(chosen.check, common=chosen.common)
         return
     processor, _ = PROCESSORS[get_process_triple().partition("-")[0]]
     settings = {} if chosen.check else {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
@@ -60,10 +59,10 @@ def main(arguments: list[str] | None = None) -> None:
     raise SystemExit(done.returncode)
 
 
-def work(use: Callable[[], None], check: bool) -> None:
+def work(check: bool, *, common: bool) -> None:
     """Call what compiles kernels; then keep them, or say which ones were compiled."""
     with compiled() as names:
-        use()
+        exercise(common=common)
     if not check:
         from cascadenorm.compute.kernel_cache import KernelCache
 
@@ -94,39 +93,29 @@ def compiled() -> Iterator[list[str]]:
         yield names
 
 
-def exercise() -> None:
-    """Denoise a piece of the scan that comes with the package, by each method and through each format."""
+def exercise(*, common: bool) -> None:
+    """Denoise a piece of the shipped scan by each method and through each format, and inspect and measure it."""
+    names = COMMON if common else [name for name in cn.methods() if name != "fairing"]  # needs a region; fills holes
+    first = ["--method", "taubin"] if common else ["--boundary", "smooth", "--creases", "60"]
+    second = ["--method", "taubin"] if common else ["--keep-detail", "4 edges", "--keep-volume"]
     with piece_of_scan() as piece:
-        for name in cn.methods():
-            if name != "fairing":  # which needs a region: closing holes compiles its kernels
-                _run("denoise", str(piece), "--method", name, "--force")
-        _run("fill-holes", str(piece))
+        for choice in (
+            *(f"--method={name}" for name in names),
+            *(f"--set=treat_as={one}" for one in get_args(Treatment)),
+        ):
+            _run("denoise", piece, choice, "--force")
         for format in FORMATS:
             other = piece.with_suffix(f".{format}")
-            _run("denoise", str(piece), "-o", str(other), "--force", "--boundary", "smooth", "--creases", "60")
-            _run("denoise", str(other), "--force", "--keep-detail", "4 edges", "--keep-volume")
-        _run("denoise-regions", str(piece), "--force")
-        _run("inspect", str(piece))
-        _run("spectrum", str(piece))
-        _run("compare", str(piece), str(SCAN))
-        _run("denoise", str(shuffled(piece)), "--method", "bilateral-normal")
-        _run("denoise", str(PART), "-o", str(piece), "--force")  # a closed surface
-
-
-def exercise_common() -> None:
-    """Denoise a piece of the scan by common methods and through each format, and inspect it."""
-    with piece_of_scan() as piece:
-        for name in COMMON:
-            _run("denoise", str(piece), "--method", name, "--force")
-        for treatment in get_args(Treatment):
-            _run("denoise", str(piece), "--set", f"treat_as={treatment}", "--force")
-        for format in FORMATS:
-            other = piece.with_suffix(f".{format}")
-            cn.write(cn.read(piece).mesh, other, force=True)
-            _run("denoise", str(other), "--method", "taubin", "--force")
-        _run("inspect", str(piece))
-        _run("denoise", str(shuffled(piece)))
-        _run("denoise", str(PART), "-o", str(piece), "--force")  # a closed surface
+            _run("denoise", piece, "-o", other, "--force", *first)
+            _run("denoise", other, "--force", *second)
+        _run("inspect", piece)
+        _run("compare", piece, SCAN)
+        if not common:
+            _run("fill-holes", piece)
+            _run("denoise-regions", piece, "--force")
+            _run("spectrum", piece)
+        _run("denoise", shuffled(piece))
+        _run("denoise", PART, "-o", piece, "--force")  # a closed surface
 
 
 @contextmanager
@@ -147,8 +136,8 @@ def shuffled(piece: Path) -> Path:
     return path
 
 
-def _run(*arguments: str) -> None:
-    if code := run(arguments):
+def _run(*arguments: str | Path) -> None:
+    if code := run(list(map(str, arguments))):
         raise SystemExit(code)
 
 
