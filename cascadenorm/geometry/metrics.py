@@ -53,16 +53,16 @@ class Measures:
     volume_ratio: float | None
 
     def formatted(self) -> dict[str, str]:
-        """Return the formatted measures with units, by description."""
+        """Return the formatted measures by their descriptions, which end with the units."""
         return {
-            "normal error E_a, mean": f"{self.normal_error_deg:.3f} deg",
-            "normal error, root mean square": f"{self.normal_error_rms_deg:.3f} deg",
-            "normal error, 95th percentile": f"{self.normal_error_p95_deg:.3f} deg",
-            "normal error, mean by area": f"{self.normal_error_area_deg:.3f} deg",
-            "faces flipped (off by more than 90 deg)": f"{self.flipped_percent:.3f} %",
-            "vertex error E_v, mean": f"{self.vertex_error_edges:.4f} mean edge lengths",
-            "vertex error, root mean square": f"{self.vertex_rms_edges:.4f} mean edge lengths",
-            "Hausdorff distance": f"{self.hausdorff_diagonal:.5f} diagonals",
+            "mean angle E_a (°)": f"{self.normal_error_deg:.3f}",
+            "root mean square angle (°)": f"{self.normal_error_rms_deg:.3f}",
+            "95th percentile of the angle (°)": f"{self.normal_error_p95_deg:.3f}",
+            "mean angle by area (°)": f"{self.normal_error_area_deg:.3f}",
+            "flipped faces (%)": f"{self.flipped_percent:.3f}",
+            "mean distance E_v (mean edge lengths)": f"{self.vertex_error_edges:.4f}",
+            "root mean square distance (mean edge lengths)": f"{self.vertex_rms_edges:.4f}",
+            "Hausdorff distance (diagonals)": f"{self.hausdorff_diagonal:.5f}",
             "volume ratio": "open" if self.volume_ratio is None else f"{self.volume_ratio:.6f}",
         }
 

@@ -70,22 +70,7 @@ def _shape(found: Inspection) -> dict[str, str]:
 
 def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
     """Return the errors against the truth, with a column for each mesh."""
-    return _columns([(given.label, _measured(measures)) for given, measures in measured])
-
-
-def _measured(measures: Measures) -> dict[str, str]:
-    ratio = measures.volume_ratio
-    return {
-        "mean angle E_a (°)": f"{measures.normal_error_deg:.3f}",
-        "root mean square angle (°)": f"{measures.normal_error_rms_deg:.3f}",
-        "95th percentile of the angle (°)": f"{measures.normal_error_p95_deg:.3f}",
-        "mean angle by area (°)": f"{measures.normal_error_area_deg:.3f}",
-        "flipped faces (%)": f"{measures.flipped_percent:.3f}",
-        "mean distance E_v (mean edge lengths)": f"{measures.vertex_error_edges:.4f}",
-        "root mean square distance (mean edge lengths)": f"{measures.vertex_rms_edges:.4f}",
-        "Hausdorff distance (diagonals)": f"{measures.hausdorff_diagonal:.5f}",
-        "volume ratio": "open" if ratio is None else f"{ratio:.6f}",
-    }
+    return _columns([(given.label, measures.formatted()) for given, measures in measured])
 
 
 class Settings(NamedTuple):
