@@ -9,7 +9,6 @@ from cascadenorm import io
 from cascadenorm.geometry.small_components import small_components
 from cascadenorm.io.files import extensible
 from cascadenorm.io.interop import mesh_of_file
-from cascadenorm.mesh.polygons import Polygons
 
 
 class Dropped(NamedTuple):
@@ -42,18 +41,15 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     kept = ~np.delete(bad, np.unique(own.polygons.owners[outside]))
 
     # Vertices that only dropped polygons use
-    counts, owners = content.polygons.counts, content.polygons.owners
-    corners = content.polygons.corners
+    left = content.with_polygons(kept)
     unused = np.zeros(len(content.positions), bool)
-    unused[corners[~kept[owners]]] = True
-    unused[corners[kept[owners]]] = False
-    numbers = np.cumsum(~unused) - 1
+    unused[content.with_polygons(~kept).polygons.corners] = True
+    unused[left.polygons.corners] = False
     left = replace(
-        content,
+        left,
         positions=content.positions[~unused],
-        polygons=Polygons.from_counts(counts[kept], numbers[corners[kept[owners]]]),
+        polygons=left.polygons._replace(corners=(np.cumsum(~unused) - 1)[left.polygons.corners]),
         vertex_values={key: values[~unused] for key, values in content.vertex_values.items()},
-        face_values={key: values[kept] for key, values in content.face_values.items()},
     )
     kind = type(own)
     pieces, further = kind.encode(left)

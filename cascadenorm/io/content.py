@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import OutputError
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets
-from cascadenorm.mesh import any_in_rows, first_places
+from cascadenorm.mesh import Bools, any_in_rows, first_places
 from cascadenorm.mesh.polygons import Polygons
 
 Positions = NDArray[Any]
@@ -35,14 +35,14 @@ class Content:
             return self
         bad = np.zeros(len(self.polygons), bool)
         bad[self.polygons.owners[corners]] = True
-        return replace(
-            self,
-            polygons=Polygons.from_counts(
-                self.polygons.counts[~bad], self.polygons.corners[~bad[self.polygons.owners]]
-            ),
-            face_values={name: values[~bad] for name, values in self.face_values.items()},
-            left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
-        )
+        lost = f"{bad.sum()} faces that reference vertices that do not exist"
+        return replace(self.with_polygons(~bad), left_out=(*self.left_out, lost))
+
+    def with_polygons(self, kept: Bools) -> "Content":
+        """Return the content with only some of its polygons, (p,) bool."""
+        polygons = Polygons.from_counts(self.polygons.counts[kept], self.polygons.corners[kept[self.polygons.owners]])
+        values = {name: values[kept] for name, values in self.face_values.items()}
+        return replace(self, polygons=polygons, face_values=values)
 
     def lost_values(self, of_vertices: Collection[str] = (), of_faces: Collection[str] = ()) -> list[str]:
         """Return what is lost in a file that keeps only properties with these names, in words."""
