@@ -117,28 +117,7 @@ def read(source: Source, format: str | None = None) -> MeshFile:
 
 
 def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
-    """Write a file atomically. The extension of the target selects the format.
-
-    Parameters
-    ----------
-    file
-        File from `read` or `from_arrays`.
-    target
-        Path, or a stream of bytes.
-    format
-        Name of the format. Default: the format of the extension, or that of the file for a stream.
-    force
-        Whether to replace an existing file.
-
-    Returns
-    -------
-    What the target format cannot store and was left out, in words; empty if nothing was left out.
-
-    Raises
-    ------
-    OutputError
-        The target exists and force is not given, or the target cannot be written.
-    """
+    """Write a file atomically as `cascadenorm.write` does; return what the format cannot store, in words."""
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
     path = Path(target) if isinstance(target, str | os.PathLike) else None
@@ -197,20 +176,7 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
-    """Return the format of an output.
-
-    Parameters
-    ----------
-    target
-        Path, or a stream of bytes.
-    otherwise
-        Format of a stream, or of a path without an extension.
-
-    Raises
-    ------
-    OutputError
-        The format cannot be written, or nothing selects a format.
-    """
+    """Return the format of an output: that of its extension, else `otherwise`. Raises OutputError if there is none."""
     extension = os.path.splitext(f"a{Path(target).name}")[1] if isinstance(target, str | os.PathLike) else ""
     chosen = _format_of(extension or otherwise)
     if chosen in FORMATS:

@@ -7,17 +7,6 @@ from cascadenorm.render.encoding import png, webp
 from cascadenorm.render.figure import Bar, Inset, Panel, inline_svg, montage, pixels
 
 __all__ = [
-    "Bar",
-    "Camera",
-    "HeatMap",
-    "Image",
-    "Inset",
-    "Panel",
-    "color_map",
-    "inline_svg",
-    "montage",
-    "pixels",
-    "png",
-    "render",
-    "webp",
-]
+    "Bar", "Camera", "HeatMap", "Image", "Inset", "Panel", "color_map", "inline_svg", "montage", "pixels", "png",
+    "render", "webp",
+]  # fmt: skip

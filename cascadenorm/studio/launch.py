@@ -11,29 +11,10 @@ MOST_MEGABYTES = 1000
 def studio(
     file: str | PathLike[str] | None = None, *, port: int = 0, browser: bool = True, max_size: float = MOST_MEGABYTES
 ) -> None:
-    """Serve the studio until its last page is closed, or Ctrl-C.
+    """Serve the studio, as the command of this name does, until its last page is closed, or Ctrl-C.
 
-    Parameters
-    ----------
-    file
-        Mesh file to open; None lets the user drop one.
-    port
-        Port on the loopback interface; 0 selects a free one.
-    browser
-        Whether to open the page in the default browser. Its address is printed in any case.
-    max_size
-        Size limit of files, in megabytes.
-
-    Raises
-    ------
-    ReadError
-        The file does not exist, is too large, or is not a mesh.
-    MeshError
-        The file has no faces. Invalid vertices and faces are isolated instead.
-    OutputError
-        The port is in use.
-    MissingDependencyError
-        Starlette or uvicorn is not installed.
+    Raises ReadError if the file does not exist, is too large or is not a mesh, MeshError if it has no faces,
+    OutputError if the port is in use, and MissingDependencyError if starlette or uvicorn is not installed.
     """
     try:
         from cascadenorm.studio import server
