@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, get_args
+from typing import Any
 
 import numba
 import numpy as np
@@ -27,7 +27,6 @@ from numba.core import event
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.compute.shipped_kernels import KERNELS_FOLDER, PROCESSORS
-from cascadenorm.detection.gate import Treatment
 
 SCAN, PART = (Path(cn.__file__).parent / "demo_data" / name / "noisy.ply" for name in ("scan", "part"))
 FORMATS = ("ply", "obj", "off", "stl", "gltf", "glb")
@@ -101,7 +100,7 @@ def exercise(*, common: bool) -> None:
     with piece_of_scan() as piece:
         for choice in (
             *(f"--method={name}" for name in names),
-            *(f"--set=treat_as={one}" for one in get_args(Treatment)),
+            *(f"--set=treat_as={one}" for one in cn.methods()["auto"].settings["treat_as"].choices),
         ):
             _run("denoise", piece, choice, "--force")
         for format in FORMATS:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.errors import PARTLY, complain, located, warn_of_strength
+from cascadenorm.cli.errors import PARTLY, complain, located, warn_of_strength, worded
 from cascadenorm.cli.options import (
     Force,
     JsonOption,
@@ -203,7 +203,9 @@ def batch(
             **controls,
         )
     if as_json:
-        json_output.print_json("batch", json_output.batch_json(done))
+        failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
+        about = {"files": done.lines, "kept": done.kept, "skipped": done.skipped, "failures": failures}
+        json_output.print_json("batch", about)
     else:
         tables.print_batch(done, output)
     if done.failures:

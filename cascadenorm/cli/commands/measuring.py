@@ -1,6 +1,7 @@
 """Commands that measure meshes and evaluate methods."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
@@ -45,7 +46,8 @@ def compare(
 
         measures = reports.report(report, judged, truth=reference, force=force).measures["mesh"]
     if as_json:
-        json_output.print_json("compare", json_output.compared_json(mesh, reference, measures))
+        about = {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
+        json_output.print_json("compare", about)
     else:
         tables.print_measures(measures)
         if report is not None:
@@ -79,7 +81,9 @@ def spectrum(
     first, second = (sys.stdin.buffer if name == "-" else name for name in (mesh, other))
     found = spectra.spectrum(first, second, count=count, scale=cast(Literal["area", "keep"], scale))
     if as_json:
-        json_output.print_json("spectrum", json_output.spectrum_json(mesh, other, found))
+        about = {"mesh": mesh, "other": other, "scale": found.scale, "distance": found.distance}
+        values = [None if one is None else one.tolist() for one in (found.values, found.other)]
+        json_output.print_json("spectrum", about | dict(zip(("eigenvalues", "other_eigenvalues"), values, strict=True)))
     else:
         tables.print_spectrum(found)
 
@@ -222,7 +226,9 @@ def _print_results(done: "Evaluation", *, as_json: bool) -> None:
     for failure in done.failures:
         complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {worded(failure.error)}")
     if as_json:
-        json_output.print_json("evaluate", json_output.evaluated_json(done))
+        failures = [{"pair": f.pair, "method": f.method, "message": worded(f.error)} for f in done.failures]
+        rows = {"results": [one.row() for one in done.results], "means": [one.row() for one in done.means]}
+        json_output.print_json("evaluate", {**rows, "failures": failures})
     else:
         tables.print_evaluation(done)
 
@@ -271,7 +277,7 @@ def methods(
     known = api.methods()
     chosen = known if name is None else {name: find(name)}
     if as_json:
-        json_output.print_json("methods", json_output.methods_json(chosen.values()))
+        json_output.print_json("methods", {"methods": [json_output.method_json(one) for one in chosen.values()]})
     elif name is None:
         tables.print_methods(known)
     else:
