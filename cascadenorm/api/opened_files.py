@@ -198,7 +198,7 @@ def written_file(
     in_edges = lengths / small.mean_edge_length if small.mean_edge_length > 0 else lengths
     summary = DenoisingSummary(
         source=source_name(source),
-        output=source_name(output),
+        output=fspath(output) if isinstance(output, str | PathLike) else str(getattr(output, "name", "the stream")),
         method=method.name,
         parameters=parameters,
         strength=controls["strength"],

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,10 +56,8 @@ def as_mesh(source: Any) -> Mesh:
     """
     if isinstance(source, Mesh):
         return source
-    if isinstance(source, io.MeshFile):
-        return mesh_of_file(source, f"the {source.format} file")
-    if isinstance(source, str | PathLike) or hasattr(source, "read"):
-        return mesh_of_file(io.read(source), source_name(source))
+    if isinstance(source, io.MeshFile) or is_stored(source):
+        return mesh_of_file(as_file(source), source_name(source))
     return Mesh(*arrays_of(source))
 
 
@@ -67,9 +65,7 @@ def as_file(source: Any) -> io.MeshFile:
     """Return a mesh of any kind that `as_mesh` accepts as a file that can be written."""
     if isinstance(source, io.MeshFile):
         return source
-    if isinstance(source, str | PathLike) or hasattr(source, "read"):
-        return io.read(source)
-    return io.from_arrays(*arrays_of(source))
+    return io.read(source) if is_stored(source) else io.from_arrays(*arrays_of(source))
 
 
 def arrays_of(mesh: Any) -> tuple[ArrayLike, ArrayLike]:
@@ -102,9 +98,18 @@ def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
         raise error.within(name) from None
 
 
-def source_name(source: str | PathLike[str] | BinaryIO) -> str:
-    """Return the name of a file or a stream for messages."""
-    return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
+def is_stored(source: object) -> bool:
+    """Whether a mesh is given as the path of a file or as a stream of its bytes."""
+    return isinstance(source, str | PathLike) or hasattr(source, "read")
+
+
+def source_name(source: Any) -> str:
+    """Return the name of a file or a stream for messages, and for other meshes what kind they are."""
+    if is_stored(source):
+        return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
+    if isinstance(source, io.MeshFile):
+        return f"the {source.format} file"
+    return "arrays" if is_pair(source) else type(source).__name__
 
 
 def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:

@@ -1,12 +1,11 @@
 """The meshes of a report."""
 
 import hashlib
-from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm import io
-from cascadenorm.io.interop import as_file, is_pair, mesh_of_file, source_name
+from cascadenorm.io.interop import as_file, is_stored, mesh_of_file, source_name
 from cascadenorm.mesh import Mesh
 
 LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}
@@ -48,8 +47,4 @@ def given(key: str, source: Any) -> Given:
     """Convert a mesh of any kind that `denoise` accepts; a Given is returned as it is."""
     if isinstance(source, Given):
         return source
-    if isinstance(source, str | PathLike) or hasattr(source, "read"):
-        return Given(key, source_name(source), as_file(source))
-    if isinstance(source, io.MeshFile):
-        return Given(key, f"the {source.format} file", source, from_file=False)
-    return Given(key, "arrays" if is_pair(source) else type(source).__name__, as_file(source), from_file=False)
+    return Given(key, source_name(source), as_file(source), from_file=is_stored(source))

@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike, fspath
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
-from cascadenorm.io.interop import arrays_of, is_pair
+from cascadenorm.io.interop import arrays_of, as_file, is_stored, source_name
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 PLACES = 10
@@ -54,17 +53,14 @@ class GivenMesh(NamedTuple):
 
 def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
     """Convert the arguments of `inspect`."""
-    if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
-        name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
-        return _given_file(io.read(mesh).isolating(), name)
-    if isinstance(mesh, io.MeshFile):
-        return _given_file(mesh.isolating(), f"the {mesh.format} file")
-    arrays = arrays_of(mesh if faces is None else (mesh, faces))
-    source = "arrays" if faces is not None or is_pair(mesh) else type(mesh).__name__
+    if isinstance(mesh, io.MeshFile) or (faces is None and is_stored(mesh)):
+        return _given_file(as_file(mesh).isolating(), source_name(mesh))
+    given = mesh if faces is None else (mesh, faces)
+    arrays = arrays_of(given)
     kind = np.asarray(arrays[0]).dtype
     vertices, corners = vertex_array(arrays[0]), face_array(arrays[1])
     return GivenMesh(
-        source=source,
+        source=source_name(given),
         number_type=kind.name if kind.name == "float32" else "float64",
         counts_from=0,
         vertices=vertices,
