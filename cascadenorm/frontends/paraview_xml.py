@@ -28,7 +28,7 @@ def _element(property: Property) -> Element:
     number = {(float,): "Double", (int,): "Int"}.get(setting.kinds) if not setting.optional else None
     if setting.choices:
         element = _vector("String", property.name, property.default or "none", property.help)
-        _choices(element, [*setting.choices, *(["none"] if setting.optional else [])])
+        _choices(element, setting.choice_names)
     else:
         element = _vector(number or "String", property.name, property.default, property.help)
     if number and not setting.choices:
@@ -49,5 +49,5 @@ def _vector(kind: str, name: str, default: Any, help: str) -> Element:
     return element
 
 
-def _choices(element: Element, values: list[Any]) -> None:
-    SubElement(element, "StringListDomain", name="list").extend([Element("String", value=str(v)) for v in values])
+def _choices(element: Element, values: list[str]) -> None:
+    SubElement(element, "StringListDomain", name="list").extend([Element("String", value=one) for one in values])

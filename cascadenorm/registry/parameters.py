@@ -69,6 +69,11 @@ class Setting:
         (kind, *others) = self.kinds
         return get_args(kind) if not others and get_origin(kind) is Literal else ()
 
+    @property
+    def choice_names(self) -> list[str]:
+        """Names of the choices, with none if that is allowed; empty for other types."""
+        return [*map(str, self.choices), *(["none"] if self.choices and self.optional else [])]
+
     def checked(self, value: Any) -> Any:
         """Convert a value, which may be text from a command line; raise ParameterError for one that is not allowed."""
         if self.optional and value is None:
@@ -83,8 +88,7 @@ class Setting:
         for choice in self.choices:
             if value == choice or (isinstance(value, str) and value == str(choice)):
                 return choice
-        known = ", ".join(map(str, self.choices)) + (", none" if self.optional else "")
-        raise ParameterError(f"is {value!r}; it must be one of {known}", parameter=self.name)
+        raise ParameterError(f"is {value!r}; it must be one of {', '.join(self.choice_names)}", parameter=self.name)
 
     def _number(self, kind: type, value: Any) -> Any:
         try:

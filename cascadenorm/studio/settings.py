@@ -71,7 +71,7 @@ def _input(setting: Setting) -> dict[str, Any]:
         "allowed": about.allowed,
         "kind": "choice" if setting.choices else "number" if number else "text",
         "whole": setting.kinds == (int,),
-        "choices": [str(choice) for choice in setting.choices] + (["none"] if setting.optional else []),
+        "choices": setting.choice_names,
         "default": "none" if setting.default is None and setting.choices else _text(setting.default),
         "minimum": about.minimum if about.minimum is not None else about.above,
         "maximum": about.maximum,

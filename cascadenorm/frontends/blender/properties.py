@@ -89,8 +89,7 @@ def _declared(property: Property, options: dict[str, Any]) -> Any:
     setting = property.setting
     about = {"name": label(setting.name), "description": property.help.removesuffix("."), **options}
     if setting.choices:
-        names = [str(choice) for choice in setting.choices] + (["none"] if setting.optional else [])
-        items = [(name, name, "") for name in names]
+        items = [(name, name, "") for name in setting.choice_names]
         return bpy.props.EnumProperty(**about, items=items, default=str(setting.default or "none"))
     if setting.kinds == (int,) and not setting.optional:
         return bpy.props.IntProperty(**about, **_range(property), default=setting.default)
