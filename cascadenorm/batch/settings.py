@@ -27,14 +27,12 @@ def settings_of(
     method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
 ) -> tuple[Settings, int | None, Listener | None]:
     """Check the settings; return them, the number of threads and the listener. Raises ParameterError."""
-    every = checked_controls(controls)
-    values = find(method).checked(parameters)
+    every, values = checked_controls(controls), find(method).with_defaults(parameters)
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
-    defaults = {name: setting.default for name, setting in find(method).settings.items()}
-    parts = [__version__, source_digest(find(method).function), method, defaults | values, given, format]
+    parts = [__version__, source_digest(find(method).function), method, values, given, format]
     parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
-    if "model" in defaults:
-        parts.append(_weights(method, values.get("model")))
+    if "model" in values:
+        parts.append(_weights(method, values["model"]))
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     return Settings(method, dict(parameters), given, force, key), every["threads"], every["progress"]
 
