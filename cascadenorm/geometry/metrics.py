@@ -12,6 +12,11 @@ from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_al
 
 APART = 0.5  # mean distance to the ground truth, in diagonals of the smaller mesh, above which meshes are unrelated
 LEAST_SIZE = 1e-90  # smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow
+SYMBOLS = (
+    "E_a is the mean angle between the face normals and those of the true mesh, and E_v the mean distance of the "
+    "vertices to its surface. Distances are in mean edge lengths of the true mesh or in diagonals of its bounding box."
+)
+"""What the symbols and units of the errors mean."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import Evaluation, FailedRun, RunResult
 from cascadenorm.evaluation.runs import NOISY
 from cascadenorm.execution.progress import Progress, no_progress
-from cascadenorm.geometry.metrics import errors
+from cascadenorm.geometry.metrics import SYMBOLS, errors
 from cascadenorm.io import OutputError
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.io.interop import as_mesh
@@ -34,10 +34,6 @@ WIDTH = 1640
 """Width of a row of pictures, in pixels; each is smaller, the more there are."""
 LARGEST, SMALLEST = 420, 160
 OVERVIEW = "Mean angle by method"
-SYMBOLS = (
-    "E_a is the mean angle between the face normals of a mesh and those of the true mesh, in degrees. E_v is the mean "
-    "distance of its vertices to the true surface, in mean edge lengths."
-)
 CROP = 0.22
 """Width of the part that is enlarged, as a share of the picture."""
 

@@ -20,11 +20,6 @@ from cascadenorm.version import __version__
 
 Rows = list[tuple[str, ...]]
 
-SYMBOLS = (
-    "E_a is the mean angle between the face normals and those of the true mesh, and E_v the mean distance of the "
-    "vertices to its surface. Distances are in mean edge lengths of the true mesh or in diagonals of its bounding box."
-)
-"""What the symbols and units of the errors mean."""
 LIBRARIES = ("numpy", "scipy", "numba")
 """Packages whose versions may change the last digits of a result."""
 

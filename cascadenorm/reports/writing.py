@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from cascadenorm.api.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary
 from cascadenorm.errors import OutputError, ParameterError, counted
-from cascadenorm.geometry.metrics import Measures, measure
+from cascadenorm.geometry.metrics import SYMBOLS, Measures, measure
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.registry import find
@@ -153,7 +153,7 @@ def _sections(
     sections = [("Warnings", listed(warnings))] if warnings else []
     if measured:
         errors = table(facts.measure_rows(measured), numbers=True)
-        sections.append(("Errors against the truth", f"<p>{escape(facts.SYMBOLS)}</p>{errors}"))
+        sections.append(("Errors against the truth", f"<p>{escape(SYMBOLS)}</p>{errors}"))
     sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
     sections.append(("Shape", table(facts.shape_rows(inspected))))
     if done is not None:

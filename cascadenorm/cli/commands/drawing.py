@@ -42,11 +42,12 @@ def demo(
     """Denoise three meshes that ship with the package, and write meshes and pictures to a folder."""
     from cascadenorm.cli import demo as demonstration
     from cascadenorm.cli import progress_bars, tables
+    from cascadenorm.geometry.metrics import SYMBOLS
 
     with progress_bars.progress_tasks() as progress:
         done = demonstration.demo(folder, force=force, progress=progress)
     tables.print_evaluation(done)
-    print("E_a is the mean angle between the normals of the faces and the true ones, E_v the distance of the vertices.")
+    print(SYMBOLS)
     demonstration.draw(done, folder)
     print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
 
