@@ -287,7 +287,7 @@ def test_the_settings_of_cascade_are_those_of_the_paper():
     for stage in config.stages:
         assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "uniform", "ignore")
         assert (stage.activation, stage.sweeps) == ("tanh", 20)
-    assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 0, 1)
+    assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 24, 1)
 
 
 def test_a_training_without_settings_is_that_of_the_vertex_network():
