@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
 from cascadenorm.io.interop import arrays_of, is_pair
+from cascadenorm.mesh import Mesh, MeshError, first_of_each
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 PLACES = 10
@@ -37,6 +38,8 @@ class GivenMesh(NamedTuple):
     vertex_numbers: NDArray[np.int64]
     face_numbers: NDArray[np.int64]
     file_vertices: int  # number of positions in the source
+    # the mesh of the source, whose connectivity is shared with other inspections; None if the source is not valid
+    mesh: Mesh | None
 
     def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
         """Locate vertices."""
@@ -56,9 +59,9 @@ def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
     """Convert the arguments of `inspect`."""
     if faces is None and (isinstance(mesh, str | PathLike) or hasattr(mesh, "read")):
         name = fspath(mesh) if isinstance(mesh, str | PathLike) else str(getattr(mesh, "name", "the stream"))
-        return _given_file(io.read(mesh).isolating(), name)
+        return _given_file(io.read(mesh), name)
     if isinstance(mesh, io.MeshFile):
-        return _given_file(mesh.isolating(), f"the {mesh.format} file")
+        return _given_file(mesh, f"the {mesh.format} file")
     arrays = arrays_of(mesh if faces is None else (mesh, faces))
     source = "arrays" if faces is not None or is_pair(mesh) else type(mesh).__name__
     kind = np.asarray(arrays[0]).dtype
@@ -72,11 +75,17 @@ def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
         vertex_numbers=np.arange(len(vertices)),
         face_numbers=np.arange(len(corners)),
         file_vertices=len(vertices),
+        mesh=mesh if isinstance(mesh, Mesh) else None,
     )
 
 
 def _given_file(file: io.MeshFile, name: str) -> GivenMesh:
-    first = np.unique(file.welds, return_index=True)[1]
+    mesh: Mesh | None = None
+    try:
+        mesh = file.mesh
+    except MeshError:
+        file = file.isolating()
+    first = first_of_each(file.welds)
     return GivenMesh(
         source=name,
         number_type=file.positions.dtype.name,
@@ -86,6 +95,7 @@ def _given_file(file: io.MeshFile, name: str) -> GivenMesh:
         vertex_numbers=first,
         face_numbers=file.triangle_polygons,
         file_vertices=len(file.positions),
+        mesh=mesh,
     )
 
 
