@@ -4,7 +4,7 @@ from cascadenorm.render.camera import Camera
 from cascadenorm.render.color import HeatMap, Image, color_map
 from cascadenorm.render.drawing import render
 from cascadenorm.render.encoding import png, webp
-from cascadenorm.render.figure import Bar, Inset, Panel, inline_svg, montage, pixels
+from cascadenorm.render.figure import Bar, Inset, Panel, inline_row, inline_svg, montage, pixels
 
 __all__ = [
     "Bar",
@@ -14,6 +14,7 @@ __all__ = [
     "Inset",
     "Panel",
     "color_map",
+    "inline_row",
     "inline_svg",
     "montage",
     "pixels",
