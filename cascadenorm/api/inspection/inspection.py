@@ -197,11 +197,8 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     bad = bad_faces(given.vertices, corners)
     used = np.zeros(count + 1, bool)
     used[np.where(outside, count, corners)] = True
-    if bad.all():
-        report = {}
-    else:
-        whole = None if bad.any() else given.mesh
-        report = _shape(given, whole or isolated(given.vertices, corners), ~bad, self_intersections)
+    whole = None if bad.any() else given.mesh
+    report = {} if bad.all() else _shape(given, whole or isolated(given.vertices, corners), ~bad, self_intersections)
     return Inspection(
         source=given.source,
         number_type=given.number_type,
