@@ -86,7 +86,8 @@ def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figu
 
 def _font_size(panels: Sequence[Panel]) -> int:
     """Return the font size in pixels."""
-    return max(18, min(side for panel in panels for side in panel.image.shape[:2]) // 25)
+    shortest: int = min(side for panel in panels for side in panel.image.shape[:2])
+    return max(18, shortest // 25)
 
 
 def _draw_panel(axes: "Axes", panel: Panel, left: int, top: int) -> None:
