@@ -230,7 +230,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
     return {
-        "parts": np.count_nonzero(np.bincount(topology.face_components)),
+        "parts": int(np.count_nonzero(np.bincount(topology.face_components))),
         "closed": bool((around > 1).all()),
         "boundary_loops": boundary_loop_count(topology),
         "boundary_edges": int((around == 1).sum()),
