@@ -4,7 +4,8 @@ from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.geometry.curvature import mean_curvature, mixed_areas
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.mesh import Mesh
+from cascadenorm.geometry.volume import closed_parts, volumes
+from cascadenorm.mesh import Mesh, limit_threads
 
 
 @pytest.mark.parametrize("radius", [0.01, 1.0, 30.0])
@@ -41,6 +42,17 @@ def test_the_curvature_is_that_of_the_cotangent_laplacian_and_its_areas_those_of
     flow = cotangent_laplacian(rough).stiffness @ rough.vertices
     curvature = (flow * rough.vertex_normals).sum(axis=1) / (2 * areas)
     np.testing.assert_allclose(mean_curvature(rough), curvature, rtol=1e-9, atol=1e-9)
+
+
+def test_curvature_and_volume_do_not_depend_on_the_number_of_threads():
+    rough = noisy(icosphere(4), 0.2)
+    found = []
+    for threads in (1, 3):
+        with limit_threads(threads):
+            mesh = Mesh(rough.vertices, rough.faces)
+            found.append((mean_curvature(mesh).tobytes(), volumes(mesh, closed_parts(mesh)).tobytes()))
+    assert found[0] == found[1]
+    assert volumes(rough, closed_parts(rough)) == pytest.approx([rough.volume], rel=1e-12)
 
 
 def test_a_plane_is_not_curved_and_its_boundary_has_no_curvature():
