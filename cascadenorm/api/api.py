@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines  # noqa: F401 - registers its methods, as the learned ones do
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
-from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.opened_files import JUDGING_METHOD, Denoised, DenoisingSummary, opened_file, written_file
 from cascadenorm.api.patch_sizes import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
@@ -222,7 +222,7 @@ def denoise_file_with_meshes(
         watch = Stopwatch()
         if limit is None and on_short is not None:
             limit = _memory_for_patches(chosen, given, len(mesh.faces), on_short)
-        removed: list[Vectors] = []
+        removed: list[Vectors] | None = [] if chosen.name == JUDGING_METHOD else None
         with nullcontext() if limit is None else patches_within(limit, len(mesh.faces), scheduler):
             vertices = run_with_controls(chosen, mesh, given, opened.controls, dtype=dtype, removed=removed)
         seconds = watch.seconds()

@@ -37,6 +37,9 @@ from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
 from cascadenorm.registry.controls import Controls, parsed_length
 
+JUDGING_METHOD = "auto"
+"""Method whose displacements tell the kind of error of a mesh."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DenoisingSummary:
@@ -176,13 +179,14 @@ def written_file(
     parameters: dict[str, Any],
     controls: Controls,
     *,
-    removed: Sequence[Vectors],
+    removed: Sequence[Vectors] | None,
     seconds: float,
     force: bool,
 ) -> Denoised:
     """Write a file with new vertices of its mesh, (n, 3), and return the summary.
 
-    The controls are those that the caller gave, and `removed` is what `run_with_controls` returned in that list.
+    The controls are those that the caller gave, and `removed` is what `run_with_controls` returned in that list, or
+    None for other methods than JUDGING_METHOD.
     """
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
@@ -221,13 +225,13 @@ def written_file(
 
 
 def detected_error(
-    method: Method, small: Mesh, exponent: int, removed: Sequence[Vectors], parameters: dict[str, Any]
+    method: Method, small: Mesh, exponent: int, removed: Sequence[Vectors] | None, parameters: dict[str, Any]
 ) -> dict[str, Any]:
     """Classify the error of a mesh in its frame as `inspect` does, and return the kind of surface that `auto` chose.
 
     The displacements by the method alone, `removed`, decide, because strength and limits do not change the error.
     """
-    if method.name != "auto" or not removed:
+    if method.name != JUDGING_METHOD or not removed:
         return {"error": None, "treated_as": None}
     order = ordered_for_cache(oriented(without_repeated_faces(small)))
     denoised = order.mesh.vertices + np.ldexp(removed[0][order.numbers], -exponent)

@@ -1,5 +1,6 @@
 """Run a command and convert errors to messages and exit codes."""
 
+import gc
 import os
 import signal
 import sys
@@ -38,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     code = run(sys.argv[1:] if arguments is None else arguments)
     if _interruptions:  # let a second Ctrl-C end remaining work without a traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    gc.freeze()  # otherwise Python searches all objects for garbage before it exits
     sys.exit(code)
 
 

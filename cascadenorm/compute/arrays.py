@@ -52,6 +52,13 @@ def box_of(points: NDArray[Any]) -> tuple[Floats, Floats]:
     return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
 
 
+def first_of_each(labels: NDArray[np.integer[Any]]) -> Ints:
+    """Return the (c,) first place of each of the labels 0 … c - 1, all of which occur."""
+    first = np.empty(int(labels.max(initial=-1)) + 1, np.int64)
+    first[labels[::-1]] = np.arange(len(labels))[::-1]  # of repeated places, numpy keeps the last value
+    return first
+
+
 def row_lengths(vectors: Vectors) -> Floats:
     """Return the (k,) lengths of the rows."""
     out = np.empty(len(vectors))

@@ -5,7 +5,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, any_in_rows, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
 SAMPLES = 50_000  # edges used, evenly spaced in order
@@ -78,7 +78,7 @@ def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
     on_border = np.zeros(len(mesh.vertices), bool)
     on_border[topology.edges[topology.edge_faces.counts != 2]] = True
     edges = topology.edges[topology.interior_edges]
-    return np.ascontiguousarray(edges[~on_border[edges].any(axis=1)])
+    return np.ascontiguousarray(edges[~any_in_rows(on_border[edges])])
 
 
 def _clipped_deviation(differences: NDArray[np.float64]) -> float:

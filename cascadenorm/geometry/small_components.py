@@ -35,9 +35,10 @@ def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArr
     first face of each small component, ascending.
     """
     number, share = component_limit(limit)
-    _, first, of_faces, counts = np.unique(
-        mesh.topology.face_components, return_index=True, return_inverse=True, return_counts=True
-    )
+    of_faces = mesh.topology.face_components
+    counts = np.bincount(of_faces)
     largest = counts.max(initial=0)
     small = (counts < (number * largest if share else number)) & (counts < largest)
-    return small[of_faces.reshape(-1)], np.sort(first[small]).astype(np.int64)
+    inside = small[of_faces]
+    first = np.unique(of_faces[inside], return_index=True)[1]
+    return inside, np.sort(np.flatnonzero(inside)[first])

@@ -54,9 +54,12 @@ def _filtered(mesh: Mesh) -> Vectors:
     normals = _normals(mesh, passes=1)
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
-        at = np.flatnonzero(boundary[mesh.faces].any(axis=1))
-        near = np.flatnonzero(grown(mesh, boundary, rings=BOUNDARY_RINGS)[mesh.faces].any(axis=1))
-        normals[near] = _normals(mesh, passes=BOUNDARY_PASSES)[near]
+        at, near, around = (
+            np.flatnonzero(grown(mesh, boundary, rings=rings)[mesh.faces].any(axis=1))
+            for rings in (0, BOUNDARY_RINGS, BOUNDARY_RINGS + BOUNDARY_PASSES)
+        )
+        part = part_of(mesh, around)[0].with_facts(mean_edge_length=mesh.mean_edge_length)
+        normals[near] = _normals(part, passes=BOUNDARY_PASSES)[np.searchsorted(around, near)]
         normals = _with_quadrics(mesh, normals, at, np.setdiff1d(near, at))
     return recover_vertices(mesh, normals, sweeps=SWEEPS)
 

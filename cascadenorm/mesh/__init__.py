@@ -14,6 +14,7 @@ from cascadenorm.compute.arrays import (
     any_in_rows,
     box_of,
     doubled,
+    first_of_each,
     first_places,
     row_distances,
     row_lengths,
@@ -48,8 +49,8 @@ from cascadenorm.mesh.topology import Topology, connected_components
 __all__ = [
     "Bools", "Bytes", "Csr", "Floats", "Floats32", "Frame", "Index", "Ints", "Ints32", "Mesh", "MeshError",
     "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "bad_faces", "bad_vertices",
-    "box_of", "connected_components", "doubled", "face_area_vectors", "first_places", "frame_of", "in_blocks",
-    "in_frame", "isolated", "joined_rows", "kernel", "limit_threads", "one_blas_thread", "ordered_for_cache",
-    "parallel_for", "part_of", "repeats_vertex", "row_distances", "row_lengths", "scale_between", "scaled_alike",
-    "scatter_add", "sums_in_blocks", "thread_count", "unit", "without_lines", "without_repeated_faces",
+    "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each", "first_places", "frame_of",
+    "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads", "one_blas_thread",
+    "ordered_for_cache", "parallel_for", "part_of", "repeats_vertex", "row_distances", "row_lengths", "scale_between",
+    "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count", "unit", "without_lines", "without_repeated_faces",
 ]  # fmt: skip

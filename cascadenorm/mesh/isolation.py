@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.compute.arrays import all_in_rows
+from cascadenorm.compute.arrays import all_in_rows, any_in_rows
 from cascadenorm.errors import MeshError
 from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
@@ -19,8 +19,8 @@ def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
     """Return (m,) whether each face repeats a vertex or references one that is not finite or does not exist."""
     corners, bad = face_array(faces), bad_vertices(vertices)
     out_of_range = (corners < 0) | (corners >= len(bad))
-    touching = np.append(bad, True)[np.where(out_of_range, len(bad), corners)].any(axis=1)
-    return np.asarray(touching | repeats_vertex(corners))
+    touching = any_in_rows(np.append(bad, True)[np.where(out_of_range, len(bad), corners)])
+    return touching | repeats_vertex(corners)
 
 
 def repeats_vertex(faces: NDArray[Any]) -> NDArray[np.bool_]:

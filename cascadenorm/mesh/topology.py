@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Ints32, scatter_add
+from cascadenorm.compute.arrays import Bools, Ints32, scatter_add
 from cascadenorm.compute.csr import Csr, grouped, joined_rows
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
@@ -119,16 +119,10 @@ class Topology:
 
         Faces are connected across the edges that are true in `across`, (e,); None selects all edges.
         """
-        order = np.argsort(self.face_edges, axis=None, kind="stable")
-        of_edge = self.face_edges.ravel()[order]
-        joined = of_edge[1:] == of_edge[:-1]
-        pairs = np.flatnonzero(joined if across is None else joined & across[of_edge[1:]])
-        corners = np.arange(self.faces.size).reshape(-1, 3)
-        ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)  # corners of each side
-        falling = self.faces.ravel()[ends[:, 0]] > self.faces.ravel()[ends[:, 1]]
-        ends[falling] = ends[falling, ::-1]  # the corner at the lower vertex comes first
-        links = np.stack([ends[order[pairs]].ravel(), ends[order[pairs + 1]].ravel()], axis=1)
-        return connected_components(links, self.faces.size)
+        labels = np.empty(self.faces.size, np.int32)
+        joins = np.ones(len(self.edges), bool) if across is None else across
+        _label_fans(self.faces, self.face_edges, self.edge_faces, joins, labels)
+        return labels
 
     @cached_property
     def used_vertices(self) -> NDArray[np.bool_]:
@@ -204,12 +198,48 @@ def root_of(labels: Ints32, node: np.int32) -> np.int32:
 
 @kernel
 def _label(links: Ints32, labels: Ints32) -> None:
-    """Find components by union-find: until the last loop, each label is the node itself or a lower node."""
+    """Find components by union-find: until they are numbered, each label is the node itself or a lower node."""
     for i in range(len(labels)):
         labels[i] = i
     for k in range(len(links)):
-        a, b = root_of(labels, links[k, 0]), root_of(labels, links[k, 1])
-        labels[max(a, b)] = min(a, b)
+        _unite(labels, links[k, 0], links[k, 1])
+    _number_roots(labels)
+
+
+@kernel
+def _label_fans(faces: Ints32, face_edges: Ints32, around: Csr, across: Bools, labels: Ints32) -> None:
+    """Find the fans of corners by union-find, as `_label` does: faces that follow each other at an edge connect."""
+    for i in range(len(labels)):
+        labels[i] = i
+    for e in range(len(across)):
+        if not across[e]:
+            continue
+        last_face, last_side, last_low, last_high = -1, -1, np.int32(0), np.int32(0)
+        for k in range(around.indptr[e], around.indptr[e + 1]):
+            f = around.indices[k]
+            side = last_side + 1 if f == last_face else 0  # a face that repeats a vertex may have two sides at an edge
+            while face_edges[f, side] != e:
+                side += 1
+            low, high = np.int32(3 * f + side), np.int32(3 * f + (side + 1) % 3)
+            if faces[f, side] > faces[f, (side + 1) % 3]:
+                low, high = high, low  # the corner at the lower vertex
+            if last_face >= 0:
+                _unite(labels, last_low, low)
+                _unite(labels, last_high, high)
+            last_face, last_side, last_low, last_high = f, side, low, high
+    _number_roots(labels)
+
+
+@kernel
+def _unite(labels: Ints32, one: np.int32, other: np.int32) -> None:
+    """Join two trees; the lower root remains one."""
+    a, b = root_of(labels, one), root_of(labels, other)
+    labels[max(a, b)] = min(a, b)
+
+
+@kernel
+def _number_roots(labels: Ints32) -> None:
+    """Number the trees by their first nodes, and give each node the number of its tree."""
     count = 0
     for i in range(len(labels)):
         if labels[i] == i:

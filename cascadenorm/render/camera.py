@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Mesh, unit
+from cascadenorm.mesh import Mesh, box_of, unit
 
 LEAST_COVERAGE = 0.01
 """Ratio of face area to the square of half the picture's diagonal, below which the camera moves closer."""
@@ -53,16 +53,16 @@ class Camera:
         faces = _framed_faces(mesh)
         axes = _axes(_direction(mesh, faces, up) if direction is None else direction, up)
         points = _points(mesh, faces)
-        low, high = points.min(axis=0), points.max(axis=0)
+        low, high = box_of(points)
         middle, diagonal = (low + high) / 2, np.linalg.norm(high - low)
         strength = float(2 * perspective / diagonal) if diagonal else 0.0
         framed = (points - middle) @ axes.T
         flat = projected(framed, strength)[:, :2]
-        aside = (flat.min(axis=0) + flat.max(axis=0)) / 2
+        aside = np.add(*box_of(flat)) / 2
         center = middle + aside @ axes[:2]
         framed[:, :2] -= aside
         flat = projected(framed, strength)[:, :2]  # nearer points have moved farther
-        width, height = np.abs(flat).max(axis=0)
+        width, height = np.maximum(*np.abs(box_of(flat)))
         return cls(axes, center, (float(width), float(height)), strength)
 
     @classmethod
@@ -134,7 +134,8 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
     if not len(seen):
         return np.arange(len(mesh.faces))
     corners = _points(mesh, seen)
-    if mesh.areas.sum() >= LEAST_COVERAGE * np.sum(np.ptp(corners, axis=0) ** 2):
+    low, high = box_of(corners)
+    if mesh.areas.sum() >= LEAST_COVERAGE * np.sum((high - low) ** 2):
         return seen  # they cover enough at any distance that two of them have
     weights = np.minimum(mesh.areas[seen], mesh.heights[seen] ** 2)
     middle = np.array([_weighted_median(along, weights) for along in mesh.centroids[seen].T])

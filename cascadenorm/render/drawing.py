@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Mesh, unit
+from cascadenorm.mesh import Mesh, all_in_rows, unit
 from cascadenorm.render.camera import Camera, projected
 from cascadenorm.render.color import PAPER, STEPS, HeatMap, Image, color_map, encoded, linear, named_colors
 from cascadenorm.render.raster import Painted, rasterize
@@ -64,15 +64,16 @@ def render(
         raise ValueError(f"size is {size} and samples {samples}; they must be at least 1")
     if not isinstance(view, Camera):
         view = Camera.looking_at(mesh, direction=view)
-    corners = view.framed(mesh.corners)
-    seen = (corners[..., 2] * view.perspective < NEAREST).all(axis=1)
-    screen = projected(corners[seen], view.perspective)
+    used = mesh.topology.used_vertices[:, None]
+    points = view.framed(np.where(used, mesh.vertices, view.center))
+    seen = all_in_rows((points[:, 2] * view.perspective < NEAREST)[mesh.faces])
+    points = projected(points, view.perspective)
     across, _ = view.half_size(size)
     pixels = width / across / 2
-    screen[..., :2] = (screen[..., :2] - view.offset) * (pixels, -pixels) + (width / 2, height / 2)
+    points[:, :2] = (points[:, :2] - view.offset) * (pixels, -pixels) + (width / 2, height / 2)
     palette, places, light = _shaded(mesh, view, colors, values, smooth)
     line = LINE_WIDTH if wireframe else 0.0
-    painted = Painted(screen, palette, places[seen], light[seen], view.perspective, line)
+    painted = Painted(points[mesh.faces[seen]], palette, places[seen], light[seen], view.perspective, line)
     picture = rasterize(painted, width=width, height=height, samples=samples)
     color, coverage = picture[..., :3], picture[..., 3:]
     if not transparent:
@@ -91,7 +92,8 @@ def _shaded(
     at_corners = np.where(outside[:, None, None], at_corners, -at_corners)
     light = np.full(at_corners.shape[:2], _AMBIENT)
     for direction, strength in _LIGHTS:
-        light += strength * np.maximum(at_corners @ unit(np.array(direction)), 0)
+        facing = at_corners.reshape(-1, 3) @ unit(np.array(direction))  # one product instead of one for each face
+        light += strength * np.maximum(facing, 0).reshape(light.shape)
     if colors is not None or values is not None:
         light = 0.5 + 0.5 * light  # reduce the relief in favour of the colours
     inside = linear(named_colors("inside"))

@@ -1,4 +1,4 @@
-"""Lay out pictures, captions, enlarged parts and colour bars with matplotlib."""
+"""Lay out pictures, captions, enlarged parts and colour bars, with matplotlib except for a single row in a page."""
 
 import io
 import re
@@ -56,8 +56,7 @@ class Bar(NamedTuple):
 
 def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figure":
     """Arrange panels in rows, without changing any pixel of their pictures, and a colour bar beside the last row."""
-    sides = [side for row in rows for panel in row for side in panel.image.shape[:2]]
-    size = max(18, min(sides) // 25)  # font size in pixels
+    size = _font_size([panel for row in rows for panel in row])
     widths = [sum(panel.image.shape[1] + GAP for panel in row) - GAP for row in rows]
     heights = [max(panel.height for panel in row) for row in rows]
     feet = [2 * size if any(panel.caption for panel in row) else GAP * (row is not rows[-1]) for row in rows]
@@ -83,6 +82,12 @@ def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figu
             bottom, long = top - feet[-1] - size, heights[-1] - 2 * size
             _draw_bar(figure, bar, (place / width, 1 - bottom / height, size / width, long / height), size)
     return figure
+
+
+def _font_size(panels: Sequence[Panel]) -> int:
+    """Return the font size in pixels."""
+    shortest: int = min(side for panel in panels for side in panel.image.shape[:2])
+    return max(18, shortest // 25)
 
 
 def _draw_panel(axes: "Axes", panel: Panel, left: int, top: int) -> None:
@@ -182,10 +187,29 @@ def inline_svg(figure: "Figure", about: str) -> str:
     return text.replace("<svg", f'<svg role="img" aria-label="{escape(about)}"', 1)
 
 
+def inline_row(panels: Sequence[Panel], about: str) -> str:
+    """Return pictures with captions side by side as an inline HTML element, like `inline_svg`, without matplotlib."""
+    size = _font_size(panels)
+    height = max(len(panel.image) for panel in panels) + 2 * size
+    parts, left = list[str](), 0
+    for panel in panels:
+        tall, wide = panel.image.shape[:2]
+        parts.append(f'<image href="{_webp_url(panel.image)}" x="{left}" width="{wide}" height="{tall}"/>')
+        parts.append(f'<text x="{left + wide / 2:g}" y="{height - 0.7 * size:g}">{escape(panel.caption)}</text>')
+        left += wide + GAP
+    text = f'font-size="{size}" font-family="system-ui, sans-serif" text-anchor="middle" fill="currentColor"'
+    box = f'xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {left - GAP} {height}"'
+    return f'<svg role="img" aria-label="{escape(about)}" {box} {text}>{"".join(parts)}</svg>'
+
+
 def _as_webp(data: str) -> str:
     """Convert the base64 data of a PNG file to a WebP data URL."""
     with PIL.Image.open(io.BytesIO(b64decode(data))) as image:
-        return f"data:image/webp;base64,{b64encode(webp(np.asarray(image))).decode('ascii')}"
+        return _webp_url(np.asarray(image))
+
+
+def _webp_url(image: Image) -> str:
+    return f"data:image/webp;base64,{b64encode(webp(image)).decode('ascii')}"
 
 
 def _saved(figure: "Figure", kind: str, about: dict[str, None], *, transparent: bool) -> bytes:

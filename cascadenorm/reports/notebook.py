@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity
 from cascadenorm.mesh import Mesh, MeshError, scaled_alike
-from cascadenorm.render import HeatMap, inline_svg, pixels, png, render
+from cascadenorm.render import HeatMap, inline_row, montage, pixels, png, render
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.page import frame_page
 from cascadenorm.reports.scene import scene
@@ -76,10 +76,10 @@ def view(
     maps = {}
     if own is not None:
         maps = {key: HeatMap(v, own.quantity.at, own.limits, own.quantity.signed) for key, v in own.values.items()}
-    picture = drawn(meshes, PICTURE, maps)
+    panels = drawn(meshes, PICTURE, maps)
     caption = f"Meshes: {', '.join(one.label.lower() for one in meshes)}"
-    page = frame_page(packed, inline_svg(picture, caption), caption, color=color)
-    return widget(page=page, picture=png(pixels(picture)), height=height)
+    page = frame_page(packed, inline_row(panels, caption), caption, color=color)
+    return widget(page=page, picture=png(pixels(montage([panels]))), height=height)
 
 
 def described(mesh: Mesh) -> str:

@@ -6,7 +6,7 @@ from html import escape
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from cascadenorm.api.inspection import FINDINGS, Inspection, inspect
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary
@@ -15,16 +15,13 @@ from cascadenorm.geometry.metrics import SYMBOLS, Measures, measure
 from cascadenorm.io.atomic import check_output, write_atomically
 from cascadenorm.mesh import MeshError, scaled_alike
 from cascadenorm.registry import find
-from cascadenorm.render import Camera, HeatMap, Panel, inline_svg, montage, render
+from cascadenorm.render import Camera, HeatMap, Panel, inline_row, render
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
 from cascadenorm.reports.page import code, folded, listed, page, table
 from cascadenorm.reports.places import Place, places
 from cascadenorm.reports.scene import scene
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PICTURE = 560
 """Width and height of each picture of a mesh, in pixels."""
@@ -135,7 +132,7 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
         headline(inspected, done),
         sections,
         tiles=key_figures(inspected, measured, done),
-        picture=inline_svg(drawn(shown, PICTURE), caption),
+        picture=inline_row(drawn(shown, PICTURE), caption),
         caption=caption,
         scene=scene(shown, found),
     )
@@ -200,9 +197,9 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
     return title + (f"<dl>{''.join(rows)}</dl>" if rows else "<p>No defects.</p>")
 
 
-def drawn(shown: Sequence[Given], size: int, heat: Mapping[str, HeatMap] = MappingProxyType({})) -> "Figure":
-    """Draw all meshes side by side from the best view of the last, some with values as colours, by their keys."""
+def drawn(shown: Sequence[Given], size: int, heat: Mapping[str, HeatMap] = MappingProxyType({})) -> list[Panel]:
+    """Draw all meshes from the best view of the last, some with values as colours, by their keys."""
     meshes = scaled_alike(*(one.mesh for one in shown))
     style: dict[str, Any] = {"view": Camera.looking_at(meshes[-1]), "size": (size, size), "transparent": True}
     named = zip(shown, meshes, strict=True)
-    return montage([[Panel(render(mesh, values=heat.get(one.key), **style), one.label) for one, mesh in named]])
+    return [Panel(render(mesh, values=heat.get(one.key), **style), one.label) for one, mesh in named]

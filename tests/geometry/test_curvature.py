@@ -3,7 +3,9 @@ import pytest
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.geometry.curvature import mean_curvature, mixed_areas
-from cascadenorm.mesh import Mesh
+from cascadenorm.geometry.laplacians import cotangent_laplacian
+from cascadenorm.geometry.volume import closed_parts, volumes
+from cascadenorm.mesh import Mesh, limit_threads
 
 
 @pytest.mark.parametrize("radius", [0.01, 1.0, 30.0])
@@ -22,6 +24,35 @@ def test_mixed_areas_are_the_area_in_all():
     rough = noisy(icosphere(3), 0.4)
     assert mixed_areas(rough).sum() == pytest.approx(rough.area, rel=1e-12)
     assert (mixed_areas(rough) > 0).all()
+
+
+def test_the_curvature_is_that_of_the_cotangent_laplacian_and_its_areas_those_of_obtuse_triangles_too():
+    """Meyer et al. 2003, in plain numpy."""
+    rough = noisy(icosphere(2), 0.4)
+    a, b, c = (rough.vertices[rough.faces[:, k]] for k in range(3))
+    squares = np.stack([np.square(u - v).sum(axis=1) for u, v in ((b, c), (c, a), (a, b))], axis=1)
+    cosines = squares.sum(axis=1, keepdims=True) - 2 * squares
+    weighted = squares * cosines / (4 * rough.areas[:, None])
+    shares = (weighted.sum(axis=1, keepdims=True) - weighted) / 8
+    obtuse = (cosines < 0).any(axis=1)
+    shares[obtuse] = np.where(cosines < 0, 0.5, 0.25)[obtuse] * rough.areas[obtuse, None]
+    areas = np.bincount(rough.faces.ravel(), shares.ravel())
+    assert obtuse.any() and not obtuse.all()
+    np.testing.assert_allclose(mixed_areas(rough), areas, rtol=1e-12)
+    flow = cotangent_laplacian(rough).stiffness @ rough.vertices
+    curvature = (flow * rough.vertex_normals).sum(axis=1) / (2 * areas)
+    np.testing.assert_allclose(mean_curvature(rough), curvature, rtol=1e-9, atol=1e-9)
+
+
+def test_curvature_and_volume_do_not_depend_on_the_number_of_threads():
+    rough = noisy(icosphere(4), 0.2)
+    found = []
+    for threads in (1, 3):
+        with limit_threads(threads):
+            mesh = Mesh(rough.vertices, rough.faces)
+            found.append((mean_curvature(mesh).tobytes(), volumes(mesh, closed_parts(mesh)).tobytes()))
+    assert found[0] == found[1]
+    assert volumes(rough, closed_parts(rough)) == pytest.approx([rough.volume], rel=1e-12)
 
 
 def test_a_plane_is_not_curved_and_its_boundary_has_no_curvature():

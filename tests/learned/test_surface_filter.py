@@ -1,10 +1,15 @@
 """Measured surfaces, and no others, are filtered after the network, and more so near the boundary of a view."""
 
+from functools import partial
+
 import numpy as np
 from shapes import grid, icosphere, noisy
 from test_gate import side_by_side
 
 import cascadenorm as cn
+from cascadenorm.baselines.bilateral_normal import bilateral_normals
+from cascadenorm.geometry.fairing import grown
+from cascadenorm.learned import surface_filter
 from cascadenorm.learned.surface_filter import with_filtered_surfaces
 from cascadenorm.mesh import Bools, Mesh, Vectors
 
@@ -61,3 +66,16 @@ def test_surfaces_of_unknown_origin_are_not_filtered():
     assert not np.allclose(unknown, measured) and not np.allclose(unknown, vertex)
     everything = np.ones(len(sheet.faces), bool)
     assert tilt(sheet, measured, everything) < tilt(sheet, unknown, everything)
+
+
+def test_passes_near_the_boundary_equal_passes_over_the_whole_mesh(monkeypatch):
+    """They run on a strip of faces, which has all faces that matter to those near the boundary."""
+    sheet = noisy(grid(30, 30), 0.1)
+    filtered = partial(bilateral_normals, sigma_s=surface_filter.SIGMA_S, sigma_r=surface_filter.SIGMA_R)
+    seen: list[Vectors] = []
+    monkeypatch.setattr(surface_filter, "_with_quadrics", lambda _, normals, *__: seen.append(normals) or normals)
+    with_filtered_surfaces(sheet, np.ones(len(sheet.faces), bool))
+    near = grown(sheet, sheet.topology.boundary_vertices, rings=surface_filter.BOUNDARY_RINGS)[sheet.faces].any(axis=1)
+    expected = filtered(sheet, iterations=1)
+    expected[near] = filtered(sheet, iterations=surface_filter.BOUNDARY_PASSES)[near]
+    assert 0 < near.sum() < len(near) and seen[0].tobytes() == expected.tobytes()

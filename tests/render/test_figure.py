@@ -3,6 +3,7 @@
 import re
 import warnings
 from base64 import b64decode
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from shapes import cube
 
 from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.render import Bar, Inset, Panel, color_map, inline_svg, montage, pixels
+from cascadenorm.render import Bar, Inset, Panel, color_map, inline_row, inline_svg, montage, pixels
 from cascadenorm.render import style as styles
 from cascadenorm.render.figure import ACCENTS, GAP, pdf, svg
 
@@ -162,10 +163,26 @@ def test_a_figure_in_a_page_has_the_colors_of_the_page():
     assert element.startswith('<svg role="img" aria-label="one &quot;figure&quot;"') and element.endswith("</svg>\n")
     assert "fill: currentColor" in element and styles.INK not in element and "#ffffff" not in element
     assert "a&lt;b&gt;</text>" in element and not re.findall(r'\bid="figure', element)
-    (data,) = re.findall(r"data:image/webp;base64,([^\"]+)", element.replace("\n", ""))[:1]
+    (data,) = _pictures(element)[:1]
     assert b64decode(data)[8:12] == b"WEBP"
     clips = set(re.findall(r"url\(#(\w+)\)", element))
     assert clips and clips <= set(re.findall(r'id="(\w+)"', element))
+
+
+def test_a_row_of_pictures_in_a_page_is_laid_out_like_a_figure():
+    rows = [Panel(picture(60, 60, 4), "a<b>"), Panel(picture(80, 80, 4), "two")]
+    row, figure = inline_row(rows, 'one "row"'), inline_svg(montage([rows]), 'one "row"')
+    assert row.startswith('<svg role="img" aria-label="one &quot;row&quot;"') and row.endswith("</svg>")
+    assert re.findall(r">([^<]+)</text>", row) == ["a&lt;b&gt;", "two"] == re.findall(r">([^<]+)</text>", figure)
+    assert _pictures(row) == _pictures(figure)
+    sides = [float(side) for text in (row, figure) for side in re.findall(r'viewBox="0 0 (\S+) (\S+)"', text)[0]]
+    assert sides[0] / sides[1] == pytest.approx(sides[2] / sides[3], rel=1e-4)
+    elements = ElementTree.fromstring(row)
+    assert [float(one.get("x") or 0) for one in elements if one.tag.endswith("image")] == [0, 72]
+
+
+def _pictures(element: str) -> list[str]:
+    return re.findall(r"data:image/webp;base64,([^\"]+)", element.replace("\n", ""))
 
 
 def test_the_command_line_names_characters_that_no_font_has(fonts, tmp_path, capsys):

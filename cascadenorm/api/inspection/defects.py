@@ -13,11 +13,13 @@ from cascadenorm.mesh import (
     Topology,
     Vectors,
     connected_components,
+    first_of_each,
     kernel,
     parallel_for,
     scatter_add,
 )
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
+from cascadenorm.mesh.welding import first_equal
 
 Mask = NDArray[np.bool_]
 
@@ -66,12 +68,9 @@ def spikes(mesh: Mesh) -> Mask:
 
 def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
     """Return (k,) bool, the rows equal to an earlier one, and (k,) the first equal row of each."""
-    order = np.lexsort(rows.T[::-1])
-    new = np.ones(len(rows), bool)
-    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
-    first = np.empty(len(rows), np.int64)
-    first[order] = order[new][np.cumsum(new) - 1]
-    return np.asarray(first != np.arange(len(rows))), first
+    every, found = np.arange(len(rows)), first_equal(rows)
+    first = every if found is None else found[0]
+    return first != every, first
 
 
 class Enclosed(NamedTuple):
@@ -90,13 +89,12 @@ def enclosed(mesh: Mesh, pinched: Mask) -> Enclosed:
     number, total = closed
     of_face, of_edge = number[mesh.faces[:, 0]], number[mesh.topology.edges[:, 0]]
     inside = np.flatnonzero(of_face >= 0)
-    parts, first = np.unique(of_face[inside], return_index=True)
-    assert len(parts) == total
     counts = [np.bincount(of[of >= 0], minlength=total) for of in (number, of_edge, of_face)]
     manifold = np.ones(total, bool)
     of_pinched = number[pinched]
     manifold[of_pinched[of_pinched >= 0]] = False
-    return Enclosed(inside[first], volumes(mesh, closed), counts[0] - counts[1] + counts[2], manifold)
+    first = inside[first_of_each(of_face[inside])]
+    return Enclosed(first, volumes(mesh, closed), counts[0] - counts[1] + counts[2], manifold)
 
 
 @kernel

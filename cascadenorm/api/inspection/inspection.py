@@ -28,11 +28,13 @@ from cascadenorm.learned.methods import MeshTreatment
 from cascadenorm.mesh import (
     Mesh,
     Vectors,
+    any_in_rows,
     bad_faces,
     bad_vertices,
     box_of,
     in_frame,
     isolated,
+    repeats_vertex,
     without_repeated_faces,
 )
 from cascadenorm.mesh.welding import nearly_coincident
@@ -191,12 +193,12 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     given = taken(mesh, faces)
     corners, count = given.faces, len(given.vertices)
     outside = np.asarray((corners < 0) | (corners >= count))
-    out_of_range, not_finite = np.asarray(outside.any(axis=1)), bad_vertices(given.vertices)
-    a, b, c = corners.T
+    out_of_range, not_finite = any_in_rows(outside), bad_vertices(given.vertices)
     bad = bad_faces(given.vertices, corners)
     used = np.zeros(count + 1, bool)
     used[np.where(outside, count, corners)] = True
-    report = _shape(given, isolated(given.vertices, corners), ~bad, self_intersections) if not bad.all() else {}
+    whole = None if bad.any() else given.mesh
+    report = {} if bad.all() else _shape(given, whole or isolated(given.vertices, corners), ~bad, self_intersections)
     return Inspection(
         source=given.source,
         number_type=given.number_type,
@@ -206,7 +208,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
         faces=len(corners),
         bad_indices=given.at_faces(out_of_range),
         not_finite=given.at_vertices(not_finite),
-        repeated_corners=given.at_faces(~out_of_range & np.asarray((a == b) | (b == c) | (c == a))),
+        repeated_corners=given.at_faces(~out_of_range & repeats_vertex(corners)),
         unreferenced=given.at_vertices(~used[:-1]),
         duplicate_vertices=given.at_vertices(repeats(given.vertices)[0] & ~not_finite),
         **report,
@@ -228,7 +230,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
     return {
-        "parts": len(np.unique(topology.face_components)),
+        "parts": int(np.count_nonzero(np.bincount(topology.face_components))),
         "closed": bool((around > 1).all()),
         "boundary_loops": boundary_loop_count(topology),
         "boundary_edges": int((around == 1).sum()),

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
 from cascadenorm.io.interop import arrays_of, as_file, is_stored, source_name
+from cascadenorm.mesh import Mesh, MeshError, first_of_each
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 PLACES = 10
@@ -36,6 +37,8 @@ class GivenMesh(NamedTuple):
     vertex_numbers: NDArray[np.int64]
     face_numbers: NDArray[np.int64]
     file_vertices: int  # number of positions in the source
+    # the mesh of the source, whose connectivity is shared with other inspections; None if the source is not valid
+    mesh: Mesh | None
 
     def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
         """Locate vertices."""
@@ -54,7 +57,7 @@ class GivenMesh(NamedTuple):
 def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
     """Convert the arguments of `inspect`."""
     if isinstance(mesh, io.MeshFile) or (faces is None and is_stored(mesh)):
-        return _given_file(as_file(mesh).isolating(), source_name(mesh))
+        return _given_file(as_file(mesh), source_name(mesh))
     given = mesh if faces is None else (mesh, faces)
     arrays = arrays_of(given)
     kind = np.asarray(arrays[0]).dtype
@@ -68,11 +71,17 @@ def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
         vertex_numbers=np.arange(len(vertices)),
         face_numbers=np.arange(len(corners)),
         file_vertices=len(vertices),
+        mesh=mesh if isinstance(mesh, Mesh) else None,
     )
 
 
 def _given_file(file: io.MeshFile, name: str) -> GivenMesh:
-    first = np.unique(file.welds, return_index=True)[1]
+    mesh: Mesh | None = None
+    try:
+        mesh = file.mesh
+    except MeshError:
+        file = file.isolating()
+    first = first_of_each(file.welds)
     return GivenMesh(
         source=name,
         number_type=file.positions.dtype.name,
@@ -82,6 +91,7 @@ def _given_file(file: io.MeshFile, name: str) -> GivenMesh:
         vertex_numbers=first,
         face_numbers=file.triangle_polygons,
         file_vertices=len(file.positions),
+        mesh=mesh,
     )
 
 
