@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError
+from cascadenorm.errors import OutputError, counted
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import any_in_rows, first_places
@@ -35,13 +35,15 @@ class Content:
             return self
         bad = np.zeros(len(self.polygons), bool)
         bad[self.polygons.owners[corners]] = True
+        what = "face that references a vertex that does not exist", "faces that reference vertices that do not exist"
+        lost = counted(int(bad.sum()), *what)
         return replace(
             self,
             polygons=Polygons.from_counts(
                 self.polygons.counts[~bad], self.polygons.corners[~bad[self.polygons.owners]]
             ),
             face_values={name: values[~bad] for name, values in self.face_values.items()},
-            left_out=(*self.left_out, f"{bad.sum()} faces that reference vertices that do not exist"),
+            left_out=(*self.left_out, lost),
         )
 
     def lost_values(self, of_vertices: Collection[str] = (), of_faces: Collection[str] = ()) -> list[str]:

@@ -3,7 +3,7 @@
 VTK allocates memory for an array before it reads it, and ends the process if there is not enough.
 """
 
-import binascii
+import base64
 import math
 import re
 
@@ -73,13 +73,16 @@ def _check_sizes(data: bytes, sizes: list[int]) -> None:
 
 
 def _words(data: bytes, place: int, count: int, word: str, *, text: bool) -> list[int]:
-    """Return the words at a place, fewer if the file ends before or they are not in base64."""
+    """Return the words at a place, fewer if the file ends before. Raises ReadError if they are not in base64.
+
+    VTK decodes other characters and misplaced padding as well, to sizes that nobody checked.
+    """
     size = np.dtype(word).itemsize
     if text:
         try:
-            found = binascii.a2b_base64(data[place:].lstrip()[: 4 * math.ceil(count * size / 3)])
-        except binascii.Error:
-            return []
+            found = base64.b64decode(data[place:].lstrip()[: 4 * math.ceil(count * size / 3)], validate=True)
+        except ValueError:
+            raise ReadError("an array of this vtp file is not in base64: get a complete copy") from None
     else:
         found = data[place : place + count * size]
     return [int(value) for value in np.frombuffer(found[: len(found) // size * size][: count * size], word)]

@@ -1,4 +1,4 @@
-"""The figures that a report leads with: noise, angle, volume, self-intersections and spikes, before and after."""
+"""The figures that a report leads with: noise, angle, volume and faults such as spikes, before and after."""
 
 from collections.abc import Sequence
 
@@ -33,6 +33,7 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
         _volume(found),
         Tile("Self-intersecting faces", tuple(count_of(one.crossing_faces) for one in found)),
         Tile("Spikes", tuple(count_of(one.spikes) for one in found), "vertices"),
+        Tile("Folded edges", tuple(f"{one.folded_edges:,}" for one in found), "by more than 90°"),
         last,
     ]
 

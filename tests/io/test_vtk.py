@@ -255,6 +255,18 @@ def test_arrays_of_polydata_that_declare_more_than_the_file_holds_are_refused(pa
     assert capfd.readouterr() == ("", "")
 
 
+def test_arrays_of_polydata_whose_sizes_are_not_in_base64_are_refused(tmp_path, capfd):
+    """VTK decodes misplaced padding too, to other sizes than those that were checked."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtp")
+    data = (tmp_path / "a.vtp").read_bytes()
+    start = re.search(rb'<DataArray[^>]*format="binary"[^>]*>\s*', data).end()
+    for damage in (b"==", b"A=", b"#"):
+        with pytest.raises(io.ReadError, match="an array of this vtp file is not in base64"):
+            read(data[:start] + damage + data[start + len(damage) :], "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("line", ["POINTS", "POLYGONS", "FIELD FieldData", "Normals 3"])
 def test_legacy_polydata_that_declares_more_than_it_holds_is_refused(line, tmp_path, capfd):
     pyvista = pytest.importorskip("pyvista")

@@ -75,7 +75,8 @@ def denoise(
 ) -> None:
     """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
-    from cascadenorm.cli import progress_bars, tables
+    from cascadenorm.api.inspection.inspection import MOST_FACES_CROSSED
+    from cascadenorm.cli import json_output, progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
@@ -110,13 +111,13 @@ def denoise(
         reports.report_denoised(report, denoised, truth=truth, force=force)
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
+    meshes = denoised.before.mesh, denoised.after.mesh
     if as_json:
-        from cascadenorm.cli import json_output
-
-        counts = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
-        json_output.print_json("denoise", {**asdict(done), **counts}, file=out)
+        json_output.print_json("denoise", {**asdict(done), **json_output.faults_json(*meshes)}, file=out)
     else:
         tables.print_denoised(done, file=out)
+        if done.faces <= MOST_FACES_CROSSED:
+            tables.print_new_faults(json_output.faults_json(*meshes))
         if report is not None:
             print(f"report: {report}", file=out)
 
