@@ -159,6 +159,12 @@ def print_inspection(found: "Inspection") -> None:
             f"  {found.treads.count} flat, parallel steps, about {width} edges wide; if they are an error, "
             f'as of rounded depths, remove them with --remove-detail "{width} edges"'
         )
+    elif found.bumps is not None:
+        width = math.ceil(found.bumps.width)
+        print(
+            f"  bumps about {width} edges wide cover the surface; if they are an error, as of particles, "
+            f'remove them with --remove-detail "{width} edges"'
+        )
     if found.resolution is not None and found.resolution > COARSE_RESOLUTION:
         print(
             f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "

@@ -21,6 +21,7 @@ from cascadenorm.api.inspection.defects import (
 from cascadenorm.api.inspection.source import Found, GivenMesh, taken
 from cascadenorm.api.opened_files import detected_error
 from cascadenorm.controls.settings import checked_controls
+from cascadenorm.detection.bumps import Bumps, bumps
 from cascadenorm.detection.error_kind import LEAST_ERROR, ErrorKind
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.detection.steps import Treads, treads
@@ -122,6 +123,9 @@ class Inspection:
         Kind of surface that `auto` chooses for the mesh; None if `error` is None.
     treads
         Wide flat steps, such as those of quantized depths, which may be error or shape; None if there are none.
+    bumps
+        Wide bumps of one width that cover the mesh, which may be error or shape; None if there are none, or for more
+        than MOST_FACES_DENOISED faces.
     """
 
     source: str
@@ -164,6 +168,7 @@ class Inspection:
     error: ErrorKind | None = None
     treated_as: MeshTreatment | None = None
     treads: Treads | None = None
+    bumps: Bumps | None = None
 
     @property
     def findings(self) -> dict[str, Found]:
@@ -257,6 +262,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "treads": treads(facing),
+        "bumps": bumps(facing) if len(mesh.faces) <= MOST_FACES_DENOISED else None,
         **_noise_and_error(mesh, small, exponent, noise_level(facing)),
     }
 
