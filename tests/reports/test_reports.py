@@ -281,6 +281,15 @@ def test_the_kind_of_error_is_said_as_denoise_says_it(place, capsys):
     assert f"Kind of error: {lines['kind of error']}. Treated as: {lines['treated as']}. Method: auto" in text
 
 
+@pytest.mark.parametrize("truth", ["lost.ply", "points.obj"])
+def test_a_true_mesh_that_cannot_be_used_is_refused_before_any_work(place, capsys, truth):
+    (place / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    words = ["denoise", "rough.ply", "-o", "out.ply", "--method", "laplacian", "--report", "r.html", "--truth", truth]
+    assert run(words) == (3 if truth == "lost.ply" else 4)
+    assert truth in capsys.readouterr().err
+    assert not (place / "out.ply").exists() and not (place / "r.html").exists()
+
+
 def test_settings_that_were_changed_are_shown_and_the_others_folded(place):
     report_denoised("r.html", denoise_file_with_meshes("rough.ply", "out.ply", method="taubin", strength=0.5))
     page = (place / "r.html").read_text()

@@ -91,6 +91,7 @@ def denoise(
         from cascadenorm import reports
 
         reports.check_report(report, force=force)
+        true_mesh = None if truth is None else reports.checked_truth(truth)
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoise_file_with_meshes(
             sys.stdin.buffer if source == "-" else source,
@@ -108,7 +109,7 @@ def denoise(
             **controls,
         )
     if report is not None:
-        reports.report_denoised(report, denoised, truth=truth, force=force)
+        reports.report_denoised(report, denoised, truth=true_mesh, force=force)
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     meshes = denoised.before.mesh, denoised.after.mesh
