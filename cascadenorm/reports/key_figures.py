@@ -21,7 +21,7 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
     """Return the tiles at the top of a report; values of two meshes stand as before → after."""
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
-    folded = " → ".join(f"{one.folded_edges:,}" for one in found)
+    folded = "\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}".join(f"{one.folded_edges:,}" for one in found)
     if done is not None:
         note = f"mean edge lengths on average, {done.largest_displacement:.3g} at most"
         last = Tile("Displacement", (f"{done.mean_displacement:.3g}",), note)

@@ -58,7 +58,10 @@ def test_denoise_says_which_faults_are_new(tmp_path, monkeypatch, capsys):
     after = cn.inspect("balls_denoised.ply").crossing_faces.count
     assert after > 0 and f"the result has {after} self-intersecting faces (0 before)\n" in said
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "vertices; folded edges: 0 → 0" in page and "edges folded by more than 90°" in page
+    assert (
+        "vertices; folded edges: 0\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}0" in page
+        and "edges folded by more than 90°" in page
+    )
 
 
 @pytest.mark.parametrize(

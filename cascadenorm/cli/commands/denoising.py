@@ -77,6 +77,7 @@ def denoise(
     from cascadenorm.api import api
     from cascadenorm.api.inspection.inspection import MOST_FACES_CROSSED
     from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.geometry.volume import closed_parts
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
@@ -117,6 +118,8 @@ def denoise(
         json_output.print_json("denoise", {**asdict(done), **json_output.faults_json(*meshes)}, file=out)
     else:
         tables.print_denoised(done, file=out)
+        if controls["volume"] == "keep" and not closed_parts(denoised.before.mesh).total:
+            complain("--keep-volume had no effect: no component of the mesh is closed")
         if done.faces <= MOST_FACES_CROSSED:
             tables.print_new_faults(json_output.faults_json(*meshes))
         if report is not None:
