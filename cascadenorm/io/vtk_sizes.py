@@ -6,8 +6,10 @@ VTK allocates memory for an array before it reads it, and ends the process if th
 import base64
 import math
 import re
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.limits import check_expansion
@@ -22,6 +24,11 @@ LEGACY_COUNTS = re.compile(
     re.M | re.I,
 )
 """Lines of legacy files with one or two counts; the last alternative is that of arrays in a field."""
+VERSION = re.compile(rb"#\s*vtk DataFile[ \t]+Version[ \t]+(\d{1,4})\.\d+", re.I)
+BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
+CELLS = re.compile(rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I)
+OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+vtktypeint", re.M | re.I)
+NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
 WORDS = 3
 """Words at the start of a compressed array: the number of blocks, and the sizes of a block and of the last one."""
 
@@ -34,6 +41,10 @@ def check_xml_arrays(data: bytes) -> None:
     word = ">" if head.get(b"byte_order") == b"BigEndian" else "<"
     word += "u8" if head.get(b"header_type") == b"UInt64" else "u4"
     packed = b"compressor" in head
+    for name, value in NUMBER_OF.findall(markup):
+        if not value.strip().isdigit():
+            said = f'{name.decode()}="{value[:20].decode("ascii", "replace")}"'
+            raise ReadError(f"{said} in this vtp file is no count: get a complete copy")
     for tag in ARRAY.finditer(markup):
         about = _attributes(tag[0])
         if about.get(b"format") == b"binary":
@@ -44,11 +55,50 @@ def check_xml_arrays(data: bytes) -> None:
 
 
 def check_legacy_counts(data: bytes) -> None:
-    """Raise ReadError if a legacy file declares more points, cells or values than it has bits."""
+    """Raise ReadError if a legacy file declares more points, cells or values than it has bits, or damaged cells."""
+    _check_legacy_cells(data)
     for found in LEGACY_COUNTS.finditer(data):
         if max(int(found[1]), int(found[2] or 0)) > 8 * len(data):
             line = found[0].strip().decode("ascii", "replace")[:60]
             raise ReadError(f"the line '{line}' of this vtk file declares more than it holds: get a complete copy")
+
+
+def _check_legacy_cells(data: bytes) -> None:
+    """Raise ReadError if the cells are not laid out as the version says, since VTK would follow any number in them.
+
+    Up to version 4, a list of cells holds the number of vertices of each cell, followed by the vertices.
+    """
+    version, kind = VERSION.match(data), BINARY_OR_TEXT.search(data)
+    if version is None or kind is None:
+        raise ReadError("this vtk file does not begin with its version and ASCII or BINARY: get a complete copy")
+    offsets = OFFSETS.search(data) is not None
+    if int(version[1]) >= 5 or offsets:
+        cells = CELLS.search(data) is not None
+        if cells and (int(version[1]) >= 5) != offsets:
+            raise ReadError(f"the cells of this vtk file are not those of version {int(version[1])}: export it again")
+        return
+    for found in CELLS.finditer(data):
+        count, size = int(found[1]), int(found[2])
+        if kind[1].upper() == b"BINARY":
+            rest = data[found.end() : found.end() + 4 * size]
+            numbers = np.frombuffer(rest[: len(rest) // 4 * 4], ">i4")
+        else:
+            words = data[found.end() :].split(None, size)[:size]
+            numbers = np.array([int(word) if word.isdigit() else -1 for word in words], np.int64)
+        if len(numbers) != size or not _are_cells(numbers, count):
+            raise ReadError("the cells of this vtk file do not fit together: get a complete copy")
+
+
+def _are_cells(numbers: NDArray[Any], count: int) -> bool:
+    """Whether numbers are those of a count of cells, each the number of its vertices before them."""
+    if len(numbers) == 4 * count and (numbers[::4] == 3).all():  # triangles
+        return True
+    at, sizes = 0, numbers.tolist()
+    for _ in range(count):
+        if at >= len(sizes) or sizes[at] < 0:
+            return False
+        at += 1 + sizes[at]
+    return at == len(sizes)
 
 
 def _attributes(tag: bytes) -> dict[bytes, bytes]:

@@ -267,6 +267,49 @@ def test_arrays_of_polydata_whose_sizes_are_not_in_base64_are_refused(tmp_path, 
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("count", ["-1", "x", "1e9", ""])
+def test_counts_of_polydata_that_are_no_numbers_are_refused(tmp_path, capfd, count):
+    """VTK would write beyond its memory for a negative number."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtp", binary=False)
+    data = re.sub(rb'NumberOfLines="\d+"', f'NumberOfLines="{count}"'.encode(), (tmp_path / "a.vtp").read_bytes())
+    with pytest.raises(io.ReadError, match=f'NumberOfLines="{count}" in this vtp file is no count'):
+        read(data, "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("version", ["42", "51"])
+def test_cells_of_legacy_polydata_that_do_not_fit_together_are_refused(binary, version, tmp_path, capfd):
+    """VTK would follow any number as if it were a count."""
+    pyvista = pytest.importorskip("pyvista")
+    vtk = pytest.importorskip("vtkmodules.vtkIOLegacy")
+    writer = vtk.vtkPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetInputData(surface(pyvista))
+    writer.SetFileVersion(int(version))
+    writer.SetFileTypeToBinary() if binary else writer.SetFileTypeToASCII()
+    writer.Write()
+    data = (tmp_path / "a.vtk").read_bytes()
+    assert len(read(data, "vtk").positions) == len(SHEET.vertices)
+    other = (
+        data.replace(b"Version 4.2", b"Version 5.1")
+        if version == "42"
+        else data.replace(b"Version 5.1", b"Version 3.0")
+    )
+    assert other != data
+    with pytest.raises(io.ReadError, match="the cells of this vtk file are not those of version"):
+        read(other, "vtk")
+    with pytest.raises(io.ReadError, match="does not begin with its version"):
+        read(data.replace(b"Version ", b"Version -"), "vtk")
+    if version == "42":
+        start = re.search(rb"POLYGONS \d+ \d+\n", data).end()
+        other = data[:start] + ((1 << 30).to_bytes(4, "big") if binary else b"9") + data[start + (4 if binary else 1) :]
+        with pytest.raises(io.ReadError, match="do not fit together"):
+            read(other, "vtk")
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("line", ["POINTS", "POLYGONS", "FIELD FieldData", "Normals 3"])
 def test_legacy_polydata_that_declares_more_than_it_holds_is_refused(line, tmp_path, capfd):
     pyvista = pytest.importorskip("pyvista")
