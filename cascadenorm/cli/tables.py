@@ -68,18 +68,14 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
     print_left_out(done.left_out)
 
 
-def print_new_faults(faults: Mapping[str, Mapping[str, int | None]]) -> None:
+def print_new_faults(faults: Mapping[str, tuple[int, int]]) -> None:
     """Print which faults became more frequent, from their numbers before and after denoising."""
     words = {
         "crossing_faces": ("self-intersecting face", "self-intersecting faces"),
         "spikes": ("spike", "spikes"),
         "folded_edges": ("edge folded by more than 90°", "edges folded by more than 90°"),
     }
-    more = [
-        f"{counted(after, *words[name])} ({before} before)"
-        for name, (before, after) in ((name, (count["before"], count["after"])) for name, count in faults.items())
-        if before is not None and after is not None and after > before
-    ]
+    more = [f"{counted(after, *words[name])} ({before} before)" for name, (before, after) in faults.items()]
     if more:
         complain(f"the result has {', '.join(more)}")
 

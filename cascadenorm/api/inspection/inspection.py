@@ -289,6 +289,20 @@ def _scaled(value: float, exponent: int) -> float | None:
     return scaled if np.isfinite(scaled) else None
 
 
+def new_faults(before: Mesh, after: Mesh) -> dict[str, tuple[int, int]]:
+    """Return the counts of `surface_faults` that a result has more of, before and after.
+
+    The mesh before is only examined if the result has any of these faults. Meshes of more than MOST_FACES_CROSSED faces
+    are not examined.
+    """
+    if len(after.faces) > MOST_FACES_CROSSED:
+        return {}
+    counts = {name: count for name, count in surface_faults(after).items() if count}
+    earlier = surface_faults(before) if counts else {}
+    more = ((name, earlier[name] or 0, count) for name, count in counts.items())
+    return {name: (old, count) for name, old, count in more if count > old}
+
+
 def surface_faults(mesh: Mesh) -> dict[str, int | None]:
     """Count crossing faces, spikes and folded edges; crossing faces are None for more than MOST_FACES_CROSSED faces."""
     small, _ = in_frame(mesh)

@@ -75,7 +75,7 @@ def denoise(
 ) -> None:
     """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
-    from cascadenorm.api.inspection.inspection import MOST_FACES_CROSSED
+    from cascadenorm.api.inspection.inspection import new_faults
     from cascadenorm.cli import json_output, progress_bars, tables
     from cascadenorm.geometry.volume import closed_parts
 
@@ -120,8 +120,7 @@ def denoise(
         tables.print_denoised(done, file=out)
         if controls["volume"] == "keep" and not closed_parts(denoised.before.mesh).total:
             complain("--keep-volume had no effect: no component of the mesh is closed")
-        if done.faces <= MOST_FACES_CROSSED:
-            tables.print_new_faults(json_output.faults_json(*meshes))
+        tables.print_new_faults(new_faults(*meshes))
         if report is not None:
             print(f"report: {report}", file=out)
 
