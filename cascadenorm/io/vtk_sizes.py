@@ -29,6 +29,8 @@ BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
 CELLS = re.compile(rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I)
 OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+vtktypeint", re.M | re.I)
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
+DIGITS = 18
+"""Largest number of digits of a count."""
 WORDS = 3
 """Words at the start of a compressed array: the number of blocks, and the sizes of a block and of the last one."""
 
@@ -42,25 +44,27 @@ def check_xml_arrays(data: bytes) -> None:
     word += "u8" if head.get(b"header_type") == b"UInt64" else "u4"
     packed = b"compressor" in head
     for name, value in NUMBER_OF.findall(markup):
-        if not value.strip().isdigit():
+        if not value.strip().isdigit() or len(value) > DIGITS:
             said = f'{name.decode()}="{value[:20].decode("ascii", "replace")}"'
             raise ReadError(f"{said} in this vtp file is no count: get a complete copy")
     for tag in ARRAY.finditer(markup):
         about = _attributes(tag[0])
         if about.get(b"format") == b"binary":
             _check_array(data, tag.end(), word, packed=packed, text=True)
+        elif about.get(b"format") == b"appended" and found is None:
+            raise ReadError("an array of this vtp file is appended to it, but nothing is: get a complete copy")
         elif about.get(b"format") == b"appended" and found is not None and about.get(b"offset", b"").strip().isdigit():
-            place = found.end() + int(about[b"offset"])
+            place = found.end() + int(about[b"offset"].strip()[:DIGITS])
             _check_array(data, place, word, packed=packed, text=_attributes(found[1]).get(b"encoding") != b"raw")
 
 
 def check_legacy_counts(data: bytes) -> None:
     """Raise ReadError if a legacy file declares more points, cells or values than it has bits, or damaged cells."""
-    _check_legacy_cells(data)
     for found in LEGACY_COUNTS.finditer(data):
-        if max(int(found[1]), int(found[2] or 0)) > 8 * len(data):
+        if max(len(found[1]), len(found[2] or b"")) > DIGITS or max(int(found[1]), int(found[2] or 0)) > 8 * len(data):
             line = found[0].strip().decode("ascii", "replace")[:60]
             raise ReadError(f"the line '{line}' of this vtk file declares more than it holds: get a complete copy")
+    _check_legacy_cells(data)
 
 
 def _check_legacy_cells(data: bytes) -> None:

@@ -255,6 +255,20 @@ def test_arrays_of_polydata_that_declare_more_than_the_file_holds_are_refused(pa
     assert capfd.readouterr() == ("", "")
 
 
+def test_appended_arrays_of_polydata_without_appended_data_are_refused(tmp_path, capfd):
+    """VTK would take anything for their sizes."""
+    pyvista = pytest.importorskip("pyvista")
+    writer = pytest.importorskip("vtkmodules.vtkIOXML").vtkXMLPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "a.vtp"))
+    writer.SetInputData(surface(pyvista))
+    writer.SetDataModeToAppended()
+    writer.Write()
+    data = re.sub(rb"(<AppendedData[^>]*>)\s*_", rb"\1", (tmp_path / "a.vtp").read_bytes())
+    with pytest.raises(io.ReadError, match="an array of this vtp file is appended to it, but nothing is"):
+        read(data, "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_arrays_of_polydata_whose_sizes_are_not_in_base64_are_refused(tmp_path, capfd):
     """VTK decodes misplaced padding too, to other sizes than those that were checked."""
     pyvista = pytest.importorskip("pyvista")
@@ -267,13 +281,13 @@ def test_arrays_of_polydata_whose_sizes_are_not_in_base64_are_refused(tmp_path, 
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("count", ["-1", "x", "1e9", ""])
+@pytest.mark.parametrize("count", ["-1", "x", "1e9", "", "9" * 400])
 def test_counts_of_polydata_that_are_no_numbers_are_refused(tmp_path, capfd, count):
     """VTK would write beyond its memory for a negative number."""
     pyvista = pytest.importorskip("pyvista")
     surface(pyvista).save(tmp_path / "a.vtp", binary=False)
     data = re.sub(rb'NumberOfLines="\d+"', f'NumberOfLines="{count}"'.encode(), (tmp_path / "a.vtp").read_bytes())
-    with pytest.raises(io.ReadError, match=f'NumberOfLines="{count}" in this vtp file is no count'):
+    with pytest.raises(io.ReadError, match=f'NumberOfLines="{count[:20]}" in this vtp file is no count|the points and'):
         read(data, "vtp")
     assert capfd.readouterr() == ("", "")
 
@@ -364,6 +378,13 @@ def test_freesurfer_surfaces_keep_every_byte_but_positions(tmp_path, monkeypatch
     for cut in (3, 20, len(head) + 3, len(data) - len(b"volume geometry") - 1):
         with pytest.raises(io.ReadError, match="truncated"):
             read(data[:cut], "freesurfer")
+
+
+@pytest.mark.parametrize("number", ["99999999999", "0", "x"])
+def test_gifti_arrays_of_an_impossible_dimension_are_refused_at_once(number):
+    pytest.importorskip("nibabel")
+    with pytest.raises(io.ReadError, match=f'Dimensionality="{number}" in this gii file is none of 1 to 6'):
+        read(f'<GIFTI><DataArray Dimensionality="{number}" Dim0="3"></DataArray></GIFTI>'.encode(), "gii")
 
 
 def test_gifti_surfaces_keep_their_other_arrays(tmp_path):
