@@ -29,6 +29,7 @@ BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
 CELLS = re.compile(rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I)
 OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+vtktypeint", re.M | re.I)
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
+COUNTED = tuple(f"NumberOf{name}".encode() for name in ("Components", "Tuples", "Points", "Verts", "Lines", "Polys"))
 DIGITS = 18
 """Largest number of digits of a count."""
 WORDS = 3
@@ -47,14 +48,18 @@ def check_xml_arrays(data: bytes) -> None:
         if not value.strip().isdigit() or len(value) > DIGITS:
             said = f'{name.decode()}="{value[:20].decode("ascii", "replace")}"'
             raise ReadError(f"{said} in this vtp file is no count: get a complete copy")
+    counts = {name: [int(value) for key, value in NUMBER_OF.findall(markup) if key == name] for name in COUNTED}
+    width, rows = counts.pop(b"NumberOfComponents"), [value for values in counts.values() for value in values]
+    check_expansion(8.0 * max(width, default=1) * max(rows, default=0), len(data), "the arrays of this file")
     for tag in ARRAY.finditer(markup):
         about = _attributes(tag[0])
         if about.get(b"format") == b"binary":
             _check_array(data, tag.end(), word, packed=packed, text=True)
-        elif about.get(b"format") == b"appended" and found is None:
-            raise ReadError("an array of this vtp file is appended to it, but nothing is: get a complete copy")
-        elif about.get(b"format") == b"appended" and found is not None and about.get(b"offset", b"").strip().isdigit():
-            place = found.end() + int(about[b"offset"].strip()[:DIGITS])
+        elif about.get(b"format") == b"appended":
+            offset = about.get(b"offset", b"").strip()
+            place = len(data) if found is None or not offset.isdigit() else found.end() + int(offset[:DIGITS])
+            if found is None or place >= len(data):
+                raise ReadError("an array has no place in the appended data of this vtp file: get a complete copy")
             _check_array(data, place, word, packed=packed, text=_attributes(found[1]).get(b"encoding") != b"raw")
 
 

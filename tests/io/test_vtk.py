@@ -255,7 +255,7 @@ def test_arrays_of_polydata_that_declare_more_than_the_file_holds_are_refused(pa
     assert capfd.readouterr() == ("", "")
 
 
-def test_appended_arrays_of_polydata_without_appended_data_are_refused(tmp_path, capfd):
+def test_appended_arrays_of_polydata_without_a_place_are_refused(tmp_path, capfd):
     """VTK would take anything for their sizes."""
     pyvista = pytest.importorskip("pyvista")
     writer = pytest.importorskip("vtkmodules.vtkIOXML").vtkXMLPolyDataWriter()
@@ -263,8 +263,23 @@ def test_appended_arrays_of_polydata_without_appended_data_are_refused(tmp_path,
     writer.SetInputData(surface(pyvista))
     writer.SetDataModeToAppended()
     writer.Write()
-    data = re.sub(rb"(<AppendedData[^>]*>)\s*_", rb"\1", (tmp_path / "a.vtp").read_bytes())
-    with pytest.raises(io.ReadError, match="an array of this vtp file is appended to it, but nothing is"):
+    data = (tmp_path / "a.vtp").read_bytes()
+    damaged = [re.sub(rb"(<AppendedData[^>]*>)\s*_", rb"\1", data)]
+    damaged += [
+        re.sub(rb'offset="\d+"', b'offset="' + other + b'"', data) for other in (b"1e30", b"-1", b"", b"9" * 5000)
+    ]
+    for one in damaged:
+        with pytest.raises(io.ReadError, match="an array has no place in the appended data of this vtp file"):
+            read(one, "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_arrays_of_polydata_with_too_many_components_are_refused(tmp_path, capfd):
+    """VTK would end the process for want of memory."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtp")
+    data = re.sub(rb'NumberOfComponents="3"', b'NumberOfComponents="2147483647"', (tmp_path / "a.vtp").read_bytes())
+    with pytest.raises(io.ReadError, match="the arrays of this file need"):
         read(data, "vtp")
     assert capfd.readouterr() == ("", "")
 
