@@ -12,11 +12,15 @@ from cascadenorm.io.interop import mesh_of_file
 
 
 class Dropped(NamedTuple):
-    """A mesh file after its small components were removed, and the numbers of dropped components and polygons."""
+    """A mesh file after its small components were removed, and the numbers of dropped components and polygons.
+
+    `among` is the number of connected components before.
+    """
 
     file: io.MeshFile  # the given file if nothing was dropped, else a PLY or OBJ file in memory
     components: int
     faces: int
+    among: int
     left_out: tuple[str, ...]  # other content that the file in memory lacks, in words
 
 
@@ -25,9 +29,11 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
 
     Bad vertices and faces that were isolated are kept. Messages contain the name.
     """
-    small, first = small_components(mesh_of_file(file, name), limit)
+    mesh = mesh_of_file(file, name)
+    among = len(np.unique(mesh.topology.face_components))
+    small, first = small_components(mesh, limit)
     if not len(first):
-        return Dropped(file, 0, 0, ())
+        return Dropped(file, 0, 0, among, ())
     isolates = bool(file.left_out.any() or file.bad_vertices.any())
     own, lost = extensible(file)
     own = own.isolating() if isolates else own
@@ -55,4 +61,4 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     pieces, further = kind.encode(left)
     made = kind(b"".join(pieces), own.folder)
     losses = tuple(dict.fromkeys([*lost, *content.left_out, *further]))
-    return Dropped(made.isolating() if isolates else made, len(first), int(bad.sum()), losses)
+    return Dropped(made.isolating() if isolates else made, len(first), int(bad.sum()), among, losses)

@@ -17,7 +17,7 @@ from cascadenorm.api.kept_components import Dropped, without_small_components
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
-from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError
+from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError, counted
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
@@ -74,8 +74,12 @@ class DenoisingSummary:
         Kind of surface that `auto` chose for the mesh; None for other methods.
     left_out
         Content of the source that the output format cannot hold, in words.
+    weld, drop_components
+        As given.
     dropped_components, dropped_faces
         Numbers of small components, and of their faces, that were dropped on request.
+    components
+        Number of connected components before that; None if none were to be dropped.
     """
 
     source: str
@@ -96,8 +100,19 @@ class DenoisingSummary:
     treated_as: MeshTreatment | None
     left_out: tuple[str, ...]
     nearly_coincident: int = 0
+    weld: float | str | None = None
+    drop_components: str | int | None = None
     dropped_components: int = 0
     dropped_faces: int = 0
+    components: int | None = None
+
+    @property
+    def left_unchanged(self) -> str:
+        """Isolated vertices and faces in words; empty if there are none."""
+        vertices = counted(self.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
+        faces = counted(self.isolated_faces, "bad face")
+        counts = (self.isolated_vertices, vertices), (self.isolated_faces, faces)
+        return ", ".join(text for count, text in counts if count)
 
 
 class Denoised(NamedTuple):
@@ -118,6 +133,8 @@ class Opened(NamedTuple):
     mesh: Mesh
     controls: Controls  # over the mesh; names that refer to the file are resolved
     dropped: Dropped | None = None  # None if small components were not to be dropped
+    weld: float | str | None = None  # as given
+    drop_components: str | int | None = None  # as given
 
 
 def opened_file(
@@ -148,7 +165,7 @@ def opened_file(
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, chosen, file, mesh, resolve_controls(controls, file), dropped)
+    return Opened(source, output, chosen, file, mesh, resolve_controls(controls, file), dropped, weld, drop_components)
 
 
 def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
@@ -218,8 +235,11 @@ def written_file(
         **detected_error(method, small, exponent, removed, parameters),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         nearly_coincident=int(nearly_coincident(small).sum()),
+        weld=opened.weld,
+        drop_components=opened.drop_components,
         dropped_components=opened.dropped.components if opened.dropped else 0,
         dropped_faces=opened.dropped.faces if opened.dropped else 0,
+        components=opened.dropped.among if opened.dropped else None,
     )
     return Denoised(summary, file, moved)
 

@@ -1,6 +1,7 @@
 """Print errors on one line of stderr and map them to exit codes."""
 
 import errno
+import math
 import sys
 
 from cascadenorm.cli.options import spelled
@@ -64,7 +65,7 @@ def located(name: str, error: Exception) -> str:
 
 def warn_of_strength(strength: float) -> None:
     """Warn about an unusually large strength."""
-    if strength > LARGE_STRENGTH:
+    if LARGE_STRENGTH < strength < math.inf:  # infinity is refused
         complain(f"--strength {strength:g} removes shape as well as noise: 1 is usual, and more than 10 acts as 10")
 
 

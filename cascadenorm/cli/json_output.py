@@ -21,7 +21,7 @@ def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None 
 
 
 def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:
-    """Return the numbers of intersecting faces and of spikes before and after denoising."""
+    """Return the numbers of intersecting faces, spikes and folded edges before and after denoising."""
     first, last = surface_faults(before), surface_faults(after)
     return {name: {"before": first[name], "after": last[name]} for name in first}
 

@@ -55,13 +55,29 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
     if done.dropped_components:
         components = counted(done.dropped_components, "small component")
         complain(f"dropped: {components} of {counted(done.dropped_faces, 'face')} in all")
-    if done.isolated_vertices or done.isolated_faces:
-        vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
-        complain(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
+    elif done.components is not None:
+        limit = str(done.drop_components).strip()
+        size = f"{limit} of the faces of the largest" if "%" in limit else f"{limit} faces"
+        others = f", and all except the largest have at least {size}" if done.components > 1 else ""
+        complain(f"dropped nothing: the mesh has {counted(done.components, 'connected component')}{others}")
+    if done.left_unchanged:
+        complain(f"left unchanged: {done.left_unchanged}")
     if done.nearly_coincident:
         near = counted(done.nearly_coincident, "boundary vertex lies", "boundary vertices lie")
         complain(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
     print_left_out(done.left_out)
+
+
+def print_new_faults(faults: Mapping[str, tuple[int, int]]) -> None:
+    """Print which faults became more frequent, from their numbers before and after denoising."""
+    words = {
+        "crossing_faces": ("self-intersecting face", "self-intersecting faces"),
+        "spikes": ("spike", "spikes"),
+        "folded_edges": ("edge folded by more than 90°", "edges folded by more than 90°"),
+    }
+    more = [f"{counted(after, *words[name])} ({before} before)" for name, (before, after) in faults.items()]
+    if more:
+        complain(f"the result has {', '.join(more)}")
 
 
 def print_batch(done: "Batch", output: str) -> None:
@@ -138,6 +154,12 @@ def print_inspection(found: "Inspection") -> None:
         print(
             f"  {found.treads.count} flat, parallel steps, about {width} edges wide; if they are an error, "
             f'as of rounded depths, remove them with --remove-detail "{width} edges"'
+        )
+    elif found.bumps is not None:
+        width = math.ceil(found.bumps.width)
+        print(
+            f"  bumps about {width} edges wide cover the surface; if they are an error, as of particles, "
+            f'remove them with --remove-detail "{width} edges"'
         )
     if found.resolution is not None and found.resolution > COARSE_RESOLUTION:
         print(

@@ -96,22 +96,9 @@ def _voxel(lattice: VoxelLattice, exponent: int) -> tuple[float, float, float] |
 def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     """Return the distance at which the autocorrelation of values, (n,), not all zero, at points, (n, 3), falls to 1/e.
 
-    The positions and the result are in mean edge lengths. Bins are one mean edge length wide, with linear interpolation
-    between them.
+    The positions and the result are in mean edge lengths, with linear interpolation between bins.
     """
-    # bins of each centre, with points sorted along the axis of their largest extent
-    axis = int(np.argmax(np.ptp(points, axis=0)))
-    order = np.argsort(points[:, axis], kind="stable")
-    chosen = np.zeros(len(points), bool)
-    chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
-    centers = np.flatnonzero(chosen[order])
-    binned = np.zeros((2, len(centers), int(CORRELATION_REACH) + 1))
-    parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], *binned, smallest=64)
-    counts, sums = binned.sum(axis=1)
-    means = sums / np.maximum(counts, 1)
-    known = np.flatnonzero(counts[1:]) + 1
-    correlation = np.concatenate([[1.0], means[known] / np.mean(values**2)])
-    at = np.concatenate([[0.0], known.astype(np.float64)])
+    at, correlation = autocorrelation(points, values, CORRELATION_REACH)
     below = np.flatnonzero(correlation < np.exp(-1))
     if len(below) == 0:
         return CORRELATION_REACH
@@ -120,9 +107,37 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     return float(at[i - 1] + share * (at[i] - at[i - 1]))
 
 
+def autocorrelation(points: Vectors, values: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Return distances up to the reach, from 0, and the autocorrelation of values, (n,), at points, (n, 3), there.
+
+    Bins are as wide as the unit of the points; those without a pair of points are left out.
+    """
+    # bins of each centre, with points sorted along the axis of their largest extent
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    order = np.argsort(points[:, axis], kind="stable")
+    chosen = np.zeros(len(points), bool)
+    chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
+    centers = np.flatnonzero(chosen[order])
+    binned = np.zeros((2, len(centers), int(reach) + 1))
+    parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], reach, *binned, smallest=64)
+    counts, sums = binned.sum(axis=1)
+    means = sums / np.maximum(counts, 1)
+    known = np.flatnonzero(counts[1:]) + 1
+    correlation = np.concatenate([[1.0], means[known] / np.mean(values**2)])
+    return np.concatenate([[0.0], known.astype(np.float64)]), correlation
+
+
 @kernel
 def _bins_range(
-    start: int, stop: int, centers: Ints, points: Vectors, axis: int, values: Floats, counts: Floats, sums: Floats
+    start: int,
+    stop: int,
+    centers: Ints,
+    points: Vectors,
+    axis: int,
+    values: Floats,
+    reach: float,
+    counts: Floats,
+    sums: Floats,
 ) -> None:
     """Bin the points after each centre by rounded distance; count them and sum the products of their values.
 
@@ -132,10 +147,10 @@ def _bins_range(
     for i in range(start, stop):
         center = centers[i]
         k, found = center + 1, 0
-        while k < len(points) and points[k, axis] - points[center, axis] <= CORRELATION_REACH:
+        while k < len(points) and points[k, axis] - points[center, axis] <= reach:
             near[found] = k
             squares[found] = squared_distance(row(points, k), row(points, center))
-            found += squares[found] <= CORRELATION_REACH * CORRELATION_REACH  # a branch would be mispredicted often
+            found += squares[found] <= reach * reach  # a branch would be mispredicted often
             k += 1
         for place in range(found):
             distance = int(np.rint(np.sqrt(squares[place])))  # the first neighbours are in bin 1

@@ -137,6 +137,8 @@ def treads(mesh: Mesh) -> Treads | None:
     for side in pairs[~joined].T:
         perimeters += np.bincount(labels[side], weights=lengths, minlength=len(large))
     kept = large & (perimeters > 0)
+    if not kept.any():  # flat sheets that no step joins
+        return None
     widths = 4 * tread_areas[kept] / perimeters[kept]
     width = 1 + float(np.average(widths, weights=tread_areas[kept])) / mesh.mean_edge_length
     return Treads(count=int(kept.sum()), width=width) if width >= NARROWEST else None

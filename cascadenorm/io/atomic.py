@@ -24,6 +24,10 @@ def check_output(path: Path, *, force: bool) -> None:
     """Raise OutputError if path cannot be written, or if it is an existing file and force is not given."""
     mode = 0
     try:
+        target = path.absolute()
+    except FileNotFoundError:
+        raise OutputError(f"{path} cannot be written: the current folder does not exist any more") from None
+    try:
         target = path.resolve()
         mode = target.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):

@@ -167,6 +167,8 @@ class MeshFile(ABC):
         """The m triangles, with n <= k vertices, since seams are closed. Raises MeshError if it would not be valid."""
         if self._isolates:
             return isolated(self._at_vertices(self.positions), self._welded_triangles)
+        if not len(self.polygons) and not len(self.positions):
+            raise MeshError("the file has no vertices and no faces: export the mesh again")
         if not len(self.polygons):
             vertices = counted(len(self.positions), "vertex", "vertices")
             raise MeshError(f"the file has {vertices} and no faces: reconstruct a surface from the points first")

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError
+from cascadenorm.errors import OutputError, counted
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import Bools, any_in_rows, first_places
@@ -35,7 +35,8 @@ class Content:
             return self
         bad = np.zeros(len(self.polygons), bool)
         bad[self.polygons.owners[corners]] = True
-        lost = f"{bad.sum()} faces that reference vertices that do not exist"
+        what = "face that references a vertex that does not exist", "faces that reference vertices that do not exist"
+        lost = counted(int(bad.sum()), *what)
         return replace(self.with_polygons(~bad), left_out=(*self.left_out, lost))
 
     def with_polygons(self, kept: Bools) -> "Content":

@@ -1,6 +1,7 @@
 """Surfaces of neuroimaging: FreeSurfer, and GIFTI through nibabel. Other data in the files are kept."""
 
 import copy
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -63,6 +64,7 @@ class FreeSurferFile(MeshFile):
         return [head, single.astype(POINT).tobytes(), triangles.astype(TRIANGLE).tobytes()], content.lost_as_triangles()
 
 
+DIMENSIONALITY = re.compile(rb"\bDimensionality\s*=\s*[\"']([^\"']*)[\"']")
 POINTS, TRIANGLES = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
 
 
@@ -76,6 +78,10 @@ class GiftiFile(MeshFile):
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         from nibabel.gifti import GiftiImage, parse_gifti_fast
 
+        for value in DIMENSIONALITY.findall(self.data):
+            if value.strip() not in (b"1", b"2", b"3", b"4", b"5", b"6"):  # nibabel counts up to any number
+                said = value[:20].decode("ascii", "replace")
+                raise ReadError(f'Dimensionality="{said}" in this gii file is none of 1 to 6: get a complete copy')
         with explained("nibabel cannot read this as gii"), limited_expansion(len(self.data), parse_gifti_fast):
             self._image = GiftiImage.from_bytes(self.data)
         points, triangles = (self._image.get_arrays_from_intent(intent) for intent in (POINTS, TRIANGLES))

@@ -17,7 +17,7 @@ from cascadenorm.io.vtk_sizes import check_legacy_counts, check_xml_arrays
 from cascadenorm.mesh.normals import NORMALS, Normals
 from cascadenorm.mesh.polygons import Polygons
 
-COUNTS = re.compile(rb'NumberOf(?:Points|Verts|Lines|Strips|Polys)\s*=\s*["\'](\d+)')
+COUNTS = re.compile(rb'NumberOf(?:Points|Verts|Lines|Strips|Polys)\s*=\s*["\'](\d{1,18})')
 LEGACY = re.compile(rb"#\s*vtk DataFile[^\n]*\n[^\n]*\n\s*(ASCII|BINARY)\s+DATASET\s+POLYDATA", re.I)
 
 

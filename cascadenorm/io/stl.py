@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError
+from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
 from cascadenorm.io.text.spelling import replace_words
@@ -29,6 +29,11 @@ class StlFile(MeshFile):
         data = self.data
         self._text = Text(data) if _is_text(data) else None
         if self._text is None:
+            if len(data) < HEADER:
+                raise ReadError(
+                    f"the file has {counted(len(data), 'byte')}, fewer than the {HEADER} of a header, and no STL "
+                    "text: it is truncated, or not an STL file"
+                )
             count = int.from_bytes(data[80:HEADER], "little")
             if len(data) < HEADER + count * RECORD.itemsize:
                 raise ReadError(

@@ -3,11 +3,13 @@
 VTK allocates memory for an array before it reads it, and ends the process if there is not enough.
 """
 
-import binascii
+import base64
 import math
 import re
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.limits import check_expansion
@@ -22,6 +24,14 @@ LEGACY_COUNTS = re.compile(
     re.M | re.I,
 )
 """Lines of legacy files with one or two counts; the last alternative is that of arrays in a field."""
+VERSION = re.compile(rb"#\s*vtk DataFile[ \t]+Version[ \t]+(\d{1,4})\.\d+", re.I)
+BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
+CELLS = re.compile(rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I)
+OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+vtktypeint", re.M | re.I)
+NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
+COUNTED = tuple(f"NumberOf{name}".encode() for name in ("Components", "Tuples", "Points", "Verts", "Lines", "Polys"))
+DIGITS = 18
+"""Largest number of digits of a count."""
 WORDS = 3
 """Words at the start of a compressed array: the number of blocks, and the sizes of a block and of the last one."""
 
@@ -34,21 +44,70 @@ def check_xml_arrays(data: bytes) -> None:
     word = ">" if head.get(b"byte_order") == b"BigEndian" else "<"
     word += "u8" if head.get(b"header_type") == b"UInt64" else "u4"
     packed = b"compressor" in head
+    for name, value in NUMBER_OF.findall(markup):
+        if not value.strip().isdigit() or len(value) > DIGITS:
+            said = f'{name.decode()}="{value[:20].decode("ascii", "replace")}"'
+            raise ReadError(f"{said} in this vtp file is no count: get a complete copy")
+    counts = {name: [int(value) for key, value in NUMBER_OF.findall(markup) if key == name] for name in COUNTED}
+    width, rows = counts.pop(b"NumberOfComponents"), [value for values in counts.values() for value in values]
+    check_expansion(8.0 * max(width, default=1) * max(rows, default=0), len(data), "the arrays of this file")
     for tag in ARRAY.finditer(markup):
         about = _attributes(tag[0])
         if about.get(b"format") == b"binary":
             _check_array(data, tag.end(), word, packed=packed, text=True)
-        elif about.get(b"format") == b"appended" and found is not None and about.get(b"offset", b"").strip().isdigit():
-            place = found.end() + int(about[b"offset"])
+        elif about.get(b"format") == b"appended":
+            offset = about.get(b"offset", b"").strip()
+            place = len(data) if found is None or not offset.isdigit() else found.end() + int(offset[:DIGITS])
+            if found is None or place >= len(data):
+                raise ReadError("an array has no place in the appended data of this vtp file: get a complete copy")
             _check_array(data, place, word, packed=packed, text=_attributes(found[1]).get(b"encoding") != b"raw")
 
 
 def check_legacy_counts(data: bytes) -> None:
-    """Raise ReadError if a legacy file declares more points, cells or values than it has bits."""
+    """Raise ReadError if a legacy file declares more points, cells or values than it has bits, or damaged cells."""
     for found in LEGACY_COUNTS.finditer(data):
-        if max(int(found[1]), int(found[2] or 0)) > 8 * len(data):
+        if max(len(found[1]), len(found[2] or b"")) > DIGITS or max(int(found[1]), int(found[2] or 0)) > 8 * len(data):
             line = found[0].strip().decode("ascii", "replace")[:60]
             raise ReadError(f"the line '{line}' of this vtk file declares more than it holds: get a complete copy")
+    _check_legacy_cells(data)
+
+
+def _check_legacy_cells(data: bytes) -> None:
+    """Raise ReadError if the cells are not laid out as the version says, since VTK would follow any number in them.
+
+    Up to version 4, a list of cells holds the number of vertices of each cell, followed by the vertices.
+    """
+    version, kind = VERSION.match(data), BINARY_OR_TEXT.search(data)
+    if version is None or kind is None:
+        raise ReadError("this vtk file does not begin with its version and ASCII or BINARY: get a complete copy")
+    offsets = OFFSETS.search(data) is not None
+    if int(version[1]) >= 5 or offsets:
+        cells = CELLS.search(data) is not None
+        if cells and (int(version[1]) >= 5) != offsets:
+            raise ReadError(f"the cells of this vtk file are not those of version {int(version[1])}: export it again")
+        return
+    for found in CELLS.finditer(data):
+        count, size = int(found[1]), int(found[2])
+        if kind[1].upper() == b"BINARY":
+            rest = data[found.end() : found.end() + 4 * size]
+            numbers = np.frombuffer(rest[: len(rest) // 4 * 4], ">i4")
+        else:
+            words = data[found.end() :].split(None, size)[:size]
+            numbers = np.array([int(word) if word.isdigit() else -1 for word in words], np.int64)
+        if len(numbers) != size or not _are_cells(numbers, count):
+            raise ReadError("the cells of this vtk file do not fit together: get a complete copy")
+
+
+def _are_cells(numbers: NDArray[Any], count: int) -> bool:
+    """Whether numbers are those of a count of cells, each the number of its vertices before them."""
+    if len(numbers) == 4 * count and (numbers[::4] == 3).all():  # triangles
+        return True
+    at, sizes = 0, numbers.tolist()
+    for _ in range(count):
+        if at >= len(sizes) or sizes[at] < 0:
+            return False
+        at += 1 + sizes[at]
+    return at == len(sizes)
 
 
 def _attributes(tag: bytes) -> dict[bytes, bytes]:
@@ -73,13 +132,16 @@ def _check_sizes(data: bytes, sizes: list[int]) -> None:
 
 
 def _words(data: bytes, place: int, count: int, word: str, *, text: bool) -> list[int]:
-    """Return the words at a place, fewer if the file ends before or they are not in base64."""
+    """Return the words at a place, fewer if the file ends before. Raises ReadError if they are not in base64.
+
+    VTK decodes other characters and misplaced padding as well, to sizes that nobody checked.
+    """
     size = np.dtype(word).itemsize
     if text:
         try:
-            found = binascii.a2b_base64(data[place:].lstrip()[: 4 * math.ceil(count * size / 3)])
-        except binascii.Error:
-            return []
+            found = base64.b64decode(data[place:].lstrip()[: 4 * math.ceil(count * size / 3)], validate=True)
+        except ValueError:
+            raise ReadError("an array of this vtp file is not in base64: get a complete copy") from None
     else:
         found = data[place : place + count * size]
     return [int(value) for value in np.frombuffer(found[: len(found) // size * size][: count * size], word)]

@@ -51,7 +51,8 @@ def scale_between(mesh: Mesh, scaled: Mesh) -> float:
     """Return the unit length of a scaled mesh in the unit of the original mesh, a power of two."""
     used = mesh.topology.used_vertices
     large = np.abs(scaled.vertices[used]).argmax()
-    return float(mesh.vertices[used].flat[large] / scaled.vertices[used].flat[large])
+    largest = scaled.vertices[used].flat[large]
+    return float(mesh.vertices[used].flat[large] / largest) if largest else 1.0  # all vertices are at the origin
 
 
 def _scaled(mesh: Mesh, exponent: int) -> Mesh:

@@ -52,13 +52,14 @@ def _shape(found: Inspection) -> dict[str, str]:
         "surface": "closed" if found.closed else f"open, {counted(found.boundary_loops, 'boundary loop')}",
         "self-intersecting faces": count_of(found.crossing_faces),
         "spikes": count_of(found.spikes),
+        "edges folded by more than 90°": f"{found.folded_edges:,}",
         "small components": count_of(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),
         "mean edge length (mesh units)": _number(found.mean_edge_length),
         "area (mesh units²)": _number(found.area),
         "enclosed volume (mesh units³)": _number(found.volume),
         "noise along the normal (mean edge lengths)": "unknown" if found.noise is None else f"{found.noise:.2g}",
-        "kind of error": "not determined for so many faces" if found.error is None else str(found.error),
+        "kind of error": "not determined" if found.error is None else str(found.error),
         "treated as": "" if found.treated_as is None else str(found.treated_as),
     }
 
@@ -107,6 +108,8 @@ class Recipe(NamedTuple):
     parameters: dict[str, Any]
     strength: float
     controls: dict[str, Any]
+    weld: float | str | None = None
+    drop_components: str | int | None = None
 
 
 def command_line(done: DenoisingSummary | Recipe) -> str:
@@ -122,6 +125,8 @@ def command_line(done: DenoisingSummary | Recipe) -> str:
             continue
         for word in value if isinstance(value, list | tuple) else (value,):
             words += [control.option] if control.about.flag else [control.option, str(word)]
+    words += ["--weld", str(done.weld)] if done.weld is not None else []
+    words += ["--drop-components", str(done.drop_components)] if done.drop_components is not None else []
     return shlex.join(words)
 
 
@@ -129,6 +134,8 @@ def python_call(done: DenoisingSummary | Recipe) -> str:
     """Return the Python call that reproduces the file."""
     controls = {"strength": done.strength, **done.controls}
     settings: dict[str, Any] = {name: v for name, v in controls.items() if v != CONTROLS[name].default}
+    opening = {"weld": done.weld, "drop_components": done.drop_components}
+    settings |= {name: value for name, value in opening.items() if value is not None}
     arguments = [repr(done.source), repr(done.output), f"method={done.method!r}"]
     if done.parameters:
         plain = {name: str(value) if isinstance(value, Path) else value for name, value in done.parameters.items()}
@@ -140,9 +147,8 @@ def python_call(done: DenoisingSummary | Recipe) -> str:
 def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Inspection]]) -> list[str]:
     """Return sentences that a reader should know before using the result."""
     said = [] if done is None else [f"left out of the output: {loss}" for loss in done.left_out]
-    if done is not None and (done.isolated_vertices or done.isolated_faces):
-        vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
-        said.append(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
+    if done is not None and done.left_unchanged:
+        said.append(f"left unchanged: {done.left_unchanged}")
     for given, found in inspected:
         if found.crossing_faces is None:
             said.append(f"{given.label}: self-intersections were not checked, because the mesh is large")

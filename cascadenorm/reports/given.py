@@ -43,6 +43,13 @@ class Given(NamedTuple):
         return len(data), hashlib.sha256(data).hexdigest()
 
 
+def checked_truth(truth: Any) -> Given:
+    """Return the true mesh of a report; raise the errors of reading and checking it before any other work."""
+    one = given("truth", truth)
+    one.mesh  # noqa: B018 - checked when it is first asked for
+    return one
+
+
 def given(key: str, source: Any) -> Given:
     """Convert a mesh of any kind that `denoise` accepts; a Given is returned as it is."""
     if isinstance(source, Given):

@@ -1,4 +1,4 @@
-"""The figures that a report leads with: noise, angle, volume, self-intersections and spikes, before and after."""
+"""The figures that a report leads with: noise, angle, volume and faults such as spikes, before and after."""
 
 from collections.abc import Sequence
 
@@ -21,6 +21,7 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
     """Return the tiles at the top of a report; values of two meshes stand as before → after."""
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
+    folded = "\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}".join(f"{one.folded_edges:,}" for one in found)
     if done is not None:
         note = f"mean edge lengths on average, {done.largest_displacement:.3g} at most"
         last = Tile("Displacement", (f"{done.mean_displacement:.3g}",), note)
@@ -32,7 +33,7 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
         *_angle(inspected, measured),
         _volume(found),
         Tile("Self-intersecting faces", tuple(count_of(one.crossing_faces) for one in found)),
-        Tile("Spikes", tuple(count_of(one.spikes) for one in found), "vertices"),
+        Tile("Spikes", tuple(count_of(one.spikes) for one in found), f"vertices; folded edges: {folded}"),
         last,
     ]
 

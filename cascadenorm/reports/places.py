@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.api.inspection import Inspection
+from cascadenorm.mesh.mesh import vertex_array
 from cascadenorm.reports.given import Given
 
 AT_FACES = {
@@ -28,15 +29,15 @@ class Place(NamedTuple):
 
 def places(given: Given, found: Inspection) -> list[Place]:
     """Return the places listed by an inspection that have finite positions."""
-    positions = np.asarray(given.file.positions, np.float64)
+    positions = vertex_array(given.file.positions)
     listed = []
     for name, finding in found.findings.items():
         for number in finding.first:
             corners = _corners(given, name, number)
             points = positions[corners[(corners >= 0) & (corners < len(positions))]]
             if len(points) and np.isfinite(points).all():
-                middle = points.mean(axis=0)
-                radius = float(np.linalg.norm(points - middle, axis=1).max())
+                middle = (points / len(points)).sum(axis=0)  # sums and squares of huge coordinates would overflow
+                radius = float(np.hypot.reduce(points - middle, axis=1).max())
                 label = _label(name, number)
                 listed.append(Place(given.key, name, label, tuple(middle.tolist()), radius))
     return listed

@@ -7,9 +7,10 @@ import pytest
 from shapes import cube, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.inspection.defects import SPIKE, spikes
-from cascadenorm.api.inspection.inspection import surface_faults
+from cascadenorm.api.inspection.defects import SPIKE, folded_edges, spikes
+from cascadenorm.api.inspection.inspection import new_faults, surface_faults
 from cascadenorm.cli import run
+from cascadenorm.cli.tables import print_new_faults
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -31,7 +32,52 @@ def test_a_vertex_is_a_spike_where_its_angles_add_up_to_little(pointed):
 
 def test_smooth_surfaces_and_corners_have_none():
     for mesh in (BALL, cube(4), noisy(BALL, 0.1)):
-        assert surface_faults(mesh) == {"crossing_faces": 0, "spikes": 0}
+        assert surface_faults(mesh) == {"crossing_faces": 0, "spikes": 0, "folded_edges": 0}
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+@pytest.mark.parametrize(("angle", "folded"), [(89.9, False), (90, False), (90.1, True), (179, True)])
+def test_an_edge_is_folded_where_the_normals_of_its_faces_are_more_than_a_right_angle_apart(angle, folded, flipped):
+    turn = np.radians(angle)
+    vertices = [(0, 0, 0), (0, 1, 0), (-1, 0, 0), (np.cos(turn), 0, np.sin(turn))]
+    second = (3, 1, 0) if not flipped else (3, 0, 1)
+    assert folded_edges(Mesh(vertices, [(0, 1, 2), second])).tolist() == [folded]
+
+
+def test_denoise_says_which_faults_are_new(tmp_path, monkeypatch, capsys):
+    """Of two balls, one inside the other, the coarse outer one shrinks faster and cuts through the inner one."""
+    monkeypatch.chdir(tmp_path)
+    outer, inner = icosphere(1), icosphere(3)
+    faces = np.concatenate([outer.faces, inner.faces + len(outer.vertices)])
+    save_mesh(tmp_path / "balls.ply", Mesh(np.concatenate([outer.vertices, 0.9 * inner.vertices]), faces))
+    words = ["denoise", "balls.ply", "--method", "laplacian", "--set", "iterations=1", "--force"]
+    assert run([*words, "--strength", "0"]) == 0
+    assert "the result has" not in capsys.readouterr().err
+    assert run([*words, "--report", "report.html"]) == 0
+    said = capsys.readouterr().err
+    after = cn.inspect("balls_denoised.ply").crossing_faces.count
+    assert after > 0 and f"the result has {after} self-intersecting faces (0 before)\n" in said
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert (
+        "vertices; folded edges: 0\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}0" in page
+        and "edges folded by more than 90°" in page
+    )
+
+
+def test_only_what_became_more_is_said(capsys, monkeypatch):
+    def folded(angle: float) -> Mesh:
+        turn = np.radians(angle)
+        return Mesh([(0, 0, 0), (0, 1, 0), (-1, 0, 0), (np.cos(turn), 0, np.sin(turn))], [(0, 1, 2), (3, 1, 0)])
+
+    assert new_faults(folded(10), folded(120)) == {"folded_edges": (0, 1)}
+    print_new_faults({"spikes": (0, 1), "folded_edges": (3, 5)})
+    assert "the result has 1 spike (0 before), 5 edges folded by more than 90° (3 before)\n" in capsys.readouterr().err
+    for before, after in ((folded(120), folded(130)), (folded(120), folded(10))):
+        assert new_faults(before, after) == {}
+    print_new_faults({})
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 1)
+    assert new_faults(folded(10), folded(120)) == {}
 
 
 def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):

@@ -18,6 +18,7 @@ from cascadenorm.api.inspection.source import taken
 from cascadenorm.cli import run
 from cascadenorm.cli.tables import counted
 from cascadenorm.data_gen.families import SHAPE_FAMILIES
+from cascadenorm.detection.error_kind import LEAST_ERROR
 from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.io import from_arrays
 from cascadenorm.io.interop import save_mesh
@@ -258,6 +259,21 @@ def test_noise_on_a_plane_is_right_within_its_scatter():
 def test_noise_needs_edges_away_from_the_boundary():
     assert noise_level(grid(3, 3)) is None
     assert inspect([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).noise is None
+
+
+def test_an_error_that_auto_finds_is_the_noise_of_a_mesh_with_too_few_interior_edges():
+    rough = noisy(grid(4, 4), 0.3)
+    assert noise_level(rough) is None
+    found = inspect(rough)
+    assert found.error.kind != "none" and found.noise == found.error.size > LEAST_ERROR
+
+
+def test_separate_flat_sheets_have_no_steps_and_no_noise():
+    sheet = grid(2, 2)
+    vertices = [sheet.vertices + np.array([3.0 * number, 0, 0]) * np.ptp(sheet.vertices) for number in range(20)]
+    faces = [sheet.faces + len(sheet.vertices) * number for number in range(20)]
+    found = inspect(np.concatenate(vertices), np.concatenate(faces))
+    assert found.treads is None and found.noise is None and found.error.kind == "none"
 
 
 # files, kinds of meshes, and the command

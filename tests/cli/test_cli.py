@@ -82,6 +82,8 @@ BAD_FILES = {
     "random.stl": (bytes(range(256)) * 4, 3, "random.stl"),
     "index.off": (OFF.replace("3 2 0 3", "3 2 0 9").encode(), 4, "index.off: 1 face uses vertices that do not exist"),
     "nan.off": (OFF.replace("0 0 1\n", "0 0 nan\n").encode(), 4, "nan.off: 1 of 4 vertices are not finite"),
+    "short.stl": (b"hello\n", 3, "short.stl: the file has 6 bytes, fewer than the 84 of a header"),
+    "nothing.gltf": (b"{}", 4, "nothing.gltf: the file has no vertices and no faces: export the mesh again"),
     "points.off": (b"OFF\n2 0 0\n0 0 0\n1 1 1\n", 4, "points.off: the file has 2 vertices and no faces"),
 }
 

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import CLEAN, FAST, ROUGH, command, refused
-from shapes import grid, noisy
+from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.mesh import Mesh
 from cascadenorm.registry.controls import CONTROLS
 
 
@@ -107,6 +108,15 @@ def test_json_says_which_controls_were_in_force(place, capsys):
     assert run(["denoise", "ball.ply", *FAST, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["controls"] == NO_CONTROLS
     assert set(NO_CONTROLS) == set(CONTROLS) - {"strength", "threads", "progress", "halo"}
+
+
+@pytest.mark.parametrize("opened", [True, False])
+def test_a_volume_that_cannot_be_kept_is_named(place, capsys, opened):
+    ball = icosphere(2)
+    save_mesh(place / "kept.ply", Mesh(ball.vertices, ball.faces[opened:]))
+    assert run(["denoise", "kept.ply", "-o", "out.ply", *FAST, "--keep-volume"]) == 0
+    said = "cascadenorm: --keep-volume had no effect: no component of the mesh is closed\n"
+    assert (said in capsys.readouterr().err) == opened
 
 
 def test_the_controls_in_force_are_printed(place, capsys):

@@ -77,6 +77,29 @@ def test_denoise_leaves_them_out_and_says_so(tmp_path, monkeypatch, capsys, suff
     assert len(cn.read(tmp_path / f"out{suffix}").mesh.faces) == len(together(*PARTS).faces)
 
 
+@pytest.mark.parametrize(
+    ("parts", "limit", "said"),
+    [
+        ((LARGE,), "1%", "dropped nothing: the mesh has 1 connected component"),
+        (
+            (LARGE, MIDDLE),
+            "1%",
+            "2 connected components, and all except the largest have at least 1% of the faces of the",
+        ),
+        ((LARGE, MIDDLE), "80", "2 connected components, and all except the largest have at least 80 faces"),
+    ],
+)
+def test_denoise_says_why_it_drops_nothing(tmp_path, monkeypatch, capsys, parts, limit, said):
+    monkeypatch.chdir(tmp_path)
+    save_mesh(tmp_path / "scan.ply", together(*parts))
+    words = ["denoise", "scan.ply", "--method", "laplacian", "--drop-components", limit, "--force"]
+    assert run(words) == 0
+    assert said in capsys.readouterr().err
+    assert run([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["components"], told["dropped_components"], told["drop_components"]) == (len(parts), 0, limit)
+
+
 def test_values_of_vertices_and_faces_stay_with_what_is_kept(tmp_path):
     rows = ["ply", "format ascii 1.0", "element vertex 10", *(f"property float {axis}" for axis in "xyz")]
     rows += ["property uchar red", "property uchar green", "property uchar blue", "element face 3"]

@@ -13,7 +13,7 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import main, run
 from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import remove_unfinished, write_atomically, write_together
+from cascadenorm.io.atomic import check_output, remove_unfinished, write_atomically, write_together
 from cascadenorm.io.interop import save_mesh
 
 FAST = ["--method", "laplacian"]
@@ -186,6 +186,16 @@ def test_names_that_cannot_be_are_refused_in_words(ball, capsys):
         assert words in capsys.readouterr().err
         assert run(["denoise", "ball.ply", *FAST, "-o", f"{name}.ply"]) == 5
         assert words in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows does not remove the current folder")
+def test_a_current_folder_that_was_removed_is_named(tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(OutputError, match=r"out\.ply cannot be written: the current folder does not exist any more"):
+        check_output(Path("out.ply"), force=False)
+    check_output(tmp_path / "out.ply", force=False)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="there is no file here that not even root can read")

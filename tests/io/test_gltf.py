@@ -1,6 +1,7 @@
 """glTF in its containers: JSON and buffers, in one file or in several."""
 
 import json
+import re
 from base64 import b64decode, b64encode
 from io import BytesIO
 
@@ -63,6 +64,74 @@ def test_broken_documents_are_explained(place, change, words):
         assert cn.read("broken.gltf").mesh is not None
         return
     with pytest.raises(io.ReadError, match=f"broken.gltf: .*({words})"):
+        cn.read("broken.gltf")
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        (("accessors", 0, "componentType"), "accessors[0] in the glTF document has no 'componentType'"),
+        (("accessors", 2, "count"), "accessors[2] in the glTF document has no 'count'"),
+        (("accessors", 1, "type"), "accessors[1] in the glTF document has no 'type'"),
+        (("bufferViews", 1, "buffer"), "bufferViews[1] in the glTF document has no 'buffer'"),
+        (("meshes", 0, "primitives"), "meshes[0] in the glTF document has no 'primitives'"),
+        (
+            ("meshes", 0, "primitives", 0, "attributes"),
+            "meshes[0].primitives[0] in the glTF document has no 'attributes'",
+        ),
+        (("buffers", 1, "uri"), "buffer 1 of the glTF document has no data"),
+    ],
+)
+def test_missing_keys_are_named_with_their_place(place, path, words):
+    made = json.loads(TEXT)
+    part = made
+    for key in path[:-1]:
+        part = part[key]
+    del part[path[-1]]
+    (place / "broken.gltf").write_text(json.dumps(made), encoding="utf-8")
+    with pytest.raises(io.ReadError, match=re.escape(words)):
+        cn.read("broken.gltf")
+
+
+def test_lengths_of_buffers_are_not_needed(place):
+    made = json.loads(TEXT)
+    for part in (*made["bufferViews"], *made["buffers"]):
+        del part["byteLength"]
+    (place / "plain.gltf").write_text(json.dumps(made), encoding="utf-8")
+    assert np.array_equal(cn.read("plain.gltf").positions, BALL.vertices.astype("<f4"))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        (
+            ("accessors", 0, "componentType"),
+            5124,
+            "accessors[0] in the glTF document has the unknown componentType 5124",
+        ),
+        (("accessors", 0, "componentType"), [5126], "unknown componentType [5126]"),
+        (("accessors", 2, "type"), "VEC5", "accessors[2] in the glTF document has the unknown type 'VEC5'"),
+        (("accessors", 0, "bufferView"), 9, "refers to bufferViews[9], which does not exist"),
+        (("accessors", 0, "bufferView"), -1, "refers to bufferViews[-1], which does not exist"),
+        (("bufferViews", 0, "buffer"), "x", "buffer 'x' of the glTF document has no data"),
+        (("meshes", 0, "primitives", 0, "indices"), 7, "refers to accessors[7], which does not exist"),
+        (("meshes", 0, "primitives", 0, "attributes"), 7, "wrong type"),
+        (("accessors", 0, "sparse"), {"count": 1, "indices": {}}, "accessors[0].sparse in the glTF document has no"),
+        (
+            ("accessors", 0, "sparse"),
+            {"count": 1, "indices": {"bufferView": 0}, "values": {"bufferView": 0}},
+            "accessors[0].sparse.indices in the glTF document has no 'componentType'",
+        ),
+    ],
+)
+def test_wrong_values_are_named_with_their_place(place, path, value, words):
+    made = json.loads(TEXT)
+    part = made
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    (place / "broken.gltf").write_text(json.dumps(made), encoding="utf-8")
+    with pytest.raises(io.ReadError, match=re.escape(words)):
         cn.read("broken.gltf")
 
 

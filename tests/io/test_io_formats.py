@@ -153,7 +153,7 @@ def test_glb_converts_with_its_transforms():
     [
         ((b'"count": 4', b'"count": 9'), "past the 252 bytes"),
         ((b'"byteOffset": 12', b'"byteOffset": 8 '), "overlap"),
-        ((b'"POSITION": 4', b'"POSITION": 8'), "IndexError"),
+        ((b'"POSITION": 4', b'"POSITION": 8'), r"refers to accessors\[8\], which does not exist"),
         ((b'"type": "VEC3"', b'"type": "VEC4"'), "is not VEC3"),
         ((b'"scene": 0,', b'"scene" 0, '), "not valid glTF"),
         ((b"glTF\2", b"glTF\1"), "version 1"),

@@ -255,6 +255,90 @@ def test_arrays_of_polydata_that_declare_more_than_the_file_holds_are_refused(pa
     assert capfd.readouterr() == ("", "")
 
 
+def test_appended_arrays_of_polydata_without_a_place_are_refused(tmp_path, capfd):
+    """VTK would take anything for their sizes."""
+    pyvista = pytest.importorskip("pyvista")
+    writer = pytest.importorskip("vtkmodules.vtkIOXML").vtkXMLPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "a.vtp"))
+    writer.SetInputData(surface(pyvista))
+    writer.SetDataModeToAppended()
+    writer.Write()
+    data = (tmp_path / "a.vtp").read_bytes()
+    damaged = [re.sub(rb"(<AppendedData[^>]*>)\s*_", rb"\1", data)]
+    damaged += [
+        re.sub(rb'offset="\d+"', b'offset="' + other + b'"', data) for other in (b"1e30", b"-1", b"", b"9" * 5000)
+    ]
+    for one in damaged:
+        with pytest.raises(io.ReadError, match="an array has no place in the appended data of this vtp file"):
+            read(one, "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_arrays_of_polydata_with_too_many_components_are_refused(tmp_path, capfd):
+    """VTK would end the process for want of memory."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtp")
+    data = re.sub(rb'NumberOfComponents="3"', b'NumberOfComponents="2147483647"', (tmp_path / "a.vtp").read_bytes())
+    with pytest.raises(io.ReadError, match="the arrays of this file need"):
+        read(data, "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_arrays_of_polydata_whose_sizes_are_not_in_base64_are_refused(tmp_path, capfd):
+    """VTK decodes misplaced padding too, to other sizes than those that were checked."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtp")
+    data = (tmp_path / "a.vtp").read_bytes()
+    start = re.search(rb'<DataArray[^>]*format="binary"[^>]*>\s*', data).end()
+    for damage in (b"==", b"A=", b"#"):
+        with pytest.raises(io.ReadError, match="an array of this vtp file is not in base64"):
+            read(data[:start] + damage + data[start + len(damage) :], "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("count", ["-1", "x", "1e9", "", "9" * 400])
+def test_counts_of_polydata_that_are_no_numbers_are_refused(tmp_path, capfd, count):
+    """VTK would write beyond its memory for a negative number."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtp", binary=False)
+    data = re.sub(rb'NumberOfLines="\d+"', f'NumberOfLines="{count}"'.encode(), (tmp_path / "a.vtp").read_bytes())
+    with pytest.raises(io.ReadError, match=f'NumberOfLines="{count[:20]}" in this vtp file is no count|the points and'):
+        read(data, "vtp")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("version", ["42", "51"])
+def test_cells_of_legacy_polydata_that_do_not_fit_together_are_refused(binary, version, tmp_path, capfd):
+    """VTK would follow any number as if it were a count."""
+    pyvista = pytest.importorskip("pyvista")
+    vtk = pytest.importorskip("vtkmodules.vtkIOLegacy")
+    writer = vtk.vtkPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetInputData(surface(pyvista))
+    writer.SetFileVersion(int(version))
+    writer.SetFileTypeToBinary() if binary else writer.SetFileTypeToASCII()
+    writer.Write()
+    data = (tmp_path / "a.vtk").read_bytes()
+    assert len(read(data, "vtk").positions) == len(SHEET.vertices)
+    other = (
+        data.replace(b"Version 4.2", b"Version 5.1")
+        if version == "42"
+        else data.replace(b"Version 5.1", b"Version 3.0")
+    )
+    assert other != data
+    with pytest.raises(io.ReadError, match="the cells of this vtk file are not those of version"):
+        read(other, "vtk")
+    with pytest.raises(io.ReadError, match="does not begin with its version"):
+        read(data.replace(b"Version ", b"Version -"), "vtk")
+    if version == "42":
+        start = re.search(rb"POLYGONS \d+ \d+\n", data).end()
+        other = data[:start] + ((1 << 30).to_bytes(4, "big") if binary else b"9") + data[start + (4 if binary else 1) :]
+        with pytest.raises(io.ReadError, match="do not fit together"):
+            read(other, "vtk")
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("line", ["POINTS", "POLYGONS", "FIELD FieldData", "Normals 3"])
 def test_legacy_polydata_that_declares_more_than_it_holds_is_refused(line, tmp_path, capfd):
     pyvista = pytest.importorskip("pyvista")
@@ -309,6 +393,13 @@ def test_freesurfer_surfaces_keep_every_byte_but_positions(tmp_path, monkeypatch
     for cut in (3, 20, len(head) + 3, len(data) - len(b"volume geometry") - 1):
         with pytest.raises(io.ReadError, match="truncated"):
             read(data[:cut], "freesurfer")
+
+
+@pytest.mark.parametrize("number", ["99999999999", "0", "x"])
+def test_gifti_arrays_of_an_impossible_dimension_are_refused_at_once(number):
+    pytest.importorskip("nibabel")
+    with pytest.raises(io.ReadError, match=f'Dimensionality="{number}" in this gii file is none of 1 to 6'):
+        read(f'<GIFTI><DataArray Dimensionality="{number}" Dim0="3"></DataArray></GIFTI>'.encode(), "gii")
 
 
 def test_gifti_surfaces_keep_their_other_arrays(tmp_path):

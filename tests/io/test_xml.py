@@ -293,3 +293,12 @@ def test_any_vertices_are_stored(kind, number):
     assert np.array_equal(file.positions, values.astype(np.float32))
     wide = kind(b"".join(kind.encode(Content(values, content.polygons))[0]))
     assert np.array_equal(wide.positions, values)
+
+
+def test_another_damaged_file_in_a_3mf_archive_is_refused_when_it_is_to_be_kept():
+    made = streams.BytesIO(nested_3mf())
+    with zipfile.ZipFile(made, "a") as archive:
+        archive.writestr("note.txt", b"kept as it is")  # stored without compression
+    file = read(made.getvalue().replace(b"kept as it is", b"Kept as it is"), "3mf")
+    with pytest.raises(io.ReadError, match="another file in this 3mf archive is damaged"):
+        written(file.with_vertices(file.mesh.vertices + 1))

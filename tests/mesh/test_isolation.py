@@ -235,6 +235,22 @@ def test_the_bounds_in_a_glb_stay_finite(tmp_path):
     assert (accessor["min"], accessor["max"]) == (good.min(axis=0).tolist(), good.max(axis=0).tolist())
 
 
+@pytest.mark.parametrize(
+    ("spoil", "unchanged", "lost"),
+    [
+        ("v 9 9 nan\n", "left unchanged: 1 vertex that is not finite\n", None),
+        ("f 1 2 99\n", "left unchanged: 1 bad face\n", "1 face that references a vertex that does not exist"),
+    ],
+)
+def test_only_what_is_bad_is_counted(tmp_path, capsys, spoil, unchanged, lost):
+    rows = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1", "f 1 3 2", "f 1 2 4", "f 2 3 4", "f 1 4 3"]
+    (tmp_path / "a.obj").write_text("\n".join(rows) + "\n" + spoil, encoding="ascii")
+    words = ["denoise", str(tmp_path / "a.obj"), "-o", str(tmp_path / "a.ply"), "--method", "laplacian"]
+    assert run([*words, "--on-bad", "isolate"]) == 0
+    err = capsys.readouterr().err
+    assert unchanged in err and (lost is None or lost in err)
+
+
 def test_conversion_leaves_out_faces_that_name_nothing_and_says_so(tmp_path, capsys):
     vertices, faces, touched = spoiled()
     source = tmp_path / "bad.ply"

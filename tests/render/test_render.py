@@ -346,3 +346,8 @@ def test_meshes_are_seen_from_where_one_is_told(tmp_path):
 def test_a_view_is_three_numbers(view, tmp_path, capsys):
     assert run(["render", "any.ply", "-o", str(tmp_path / "x.png"), f"--view={view}"]) == 2
     assert "--view" in capsys.readouterr().err
+
+
+def test_vertices_that_all_lie_at_the_origin_are_drawn_in_silence(tmp_path):
+    draw([Mesh(np.zeros((3, 3)), [[0, 1, 2]])], tmp_path / "a.png", Style(size=16))
+    assert (tmp_path / "a.png").stat().st_size

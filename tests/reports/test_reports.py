@@ -22,8 +22,10 @@ from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.reports import report_denoised
 from cascadenorm.reports.display import display
-from cascadenorm.reports.given import given
+from cascadenorm.reports.facts import command_line, python_call
+from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.packing import in_steps, packed, packed_faces
+from cascadenorm.reports.places import places
 from cascadenorm.reports.scene import Comparison, scene
 
 CLEAN = icosphere(3)
@@ -279,6 +281,15 @@ def test_the_kind_of_error_is_said_as_denoise_says_it(place, capsys):
     assert f"Kind of error: {lines['kind of error']}. Treated as: {lines['treated as']}. Method: auto" in text
 
 
+@pytest.mark.parametrize("truth", ["lost.ply", "points.obj"])
+def test_a_true_mesh_that_cannot_be_used_is_refused_before_any_work(place, capsys, truth):
+    (place / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    words = ["denoise", "rough.ply", "-o", "out.ply", "--method", "laplacian", "--report", "r.html", "--truth", truth]
+    assert run(words) == (3 if truth == "lost.ply" else 4)
+    assert truth in capsys.readouterr().err
+    assert not (place / "out.ply").exists() and not (place / "r.html").exists()
+
+
 def test_settings_that_were_changed_are_shown_and_the_others_folded(place):
     report_denoised("r.html", denoise_file_with_meshes("rough.ply", "out.ply", method="taubin", strength=0.5))
     page = (place / "r.html").read_text()
@@ -286,6 +297,18 @@ def test_settings_that_were_changed_are_shown_and_the_others_folded(place):
     rows = [re.findall(r'<th scope="row">(.*?)</th>', part) for part in (shown, fold)]
     assert rows[0] == ["strength"] and {"iterations", "boundary", "on_bad"} <= set(rows[1])
     assert f"<summary>{len(rows[1])} settings have their defaults</summary>" in fold
+
+
+def test_what_was_welded_and_dropped_before_is_made_again(place, monkeypatch):
+    settings = {"weld": "0.001 edges", "drop_components": "1%"}
+    done = denoise_file_with_meshes("rough.ply", "smooth.ply", method="laplacian", **settings)
+    report_denoised("report.html", done)
+    first = (place / "smooth.ply").read_bytes()
+    (place / "smooth.ply").unlink()
+    words = shlex.split(command_line(done.summary))
+    assert words[-4:] == ["--weld", "0.001 edges", "--drop-components", "1%"]
+    assert run(words[1:]) == 0 and (place / "smooth.ply").read_bytes() == first
+    assert python_call(done.summary).endswith("weld='0.001 edges', drop_components='1%')")
 
 
 def test_learned_methods_name_the_digest_of_their_weights(place):
@@ -312,6 +335,26 @@ def test_findings_have_places_in_the_unit_of_the_file(place):
     alone = places["unreferenced", f"vertex {len(vertices)}"]
     np.testing.assert_allclose(alone["at"], [50, 0, 0])
     assert "1 face duplicates an earlier one" in text_of(place / "r.html")
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1.0, 1e307])
+def test_places_of_huge_and_signalling_coordinates_are_found_in_silence(scale):
+    ball = CLEAN.vertices.copy()
+    faces = np.concatenate([CLEAN.faces, CLEAN.faces[:1]])
+    found = cn.inspect(ball * scale, faces, self_intersections=False)
+    one = given("mesh", (ball * scale, faces))
+    (place,) = (place for place in places(one, found) if place.finding == "duplicate_faces")
+    corners = ball[CLEAN.faces[0]]
+    middle = corners.mean(axis=0)
+    radius = np.linalg.norm(corners - middle, axis=1).max()
+    assert place.at == pytest.approx(tuple(middle * scale)) and place.radius == pytest.approx(radius * scale)
+
+    stored = ball.astype(np.float32)
+    stored.view(np.uint32)[0, 0] = 0x7F800001  # a signalling NaN
+    file = PlyFile(b"".join(PlyFile.encode(Content(stored, Polygons.from_rows(faces)))[0])).isolating()
+    one = Given("mesh", "ball.ply", file)
+    listed = places(one, cn.inspect(file))
+    assert "duplicate_faces" in {place.finding for place in listed} and np.isfinite([p.radius for p in listed]).all()
 
 
 def test_inspect_and_compare_print_the_same_with_a_report(place, capsys):

@@ -29,6 +29,8 @@ SPIKE = np.radians(150)
 """Angle sum at a vertex, 360° in a plane, below which it is a spike; corresponds to a cone of half-angle 25°."""
 THIN = 0.01
 """Ratio of height to longest edge below which a face is a sliver."""
+FOLDED = -1e-6
+"""Cosine of the angle between the normals of adjacent faces below which an edge is folded: 90° except for rounding."""
 
 
 def flipped_edges(topology: Topology) -> Mask:
@@ -64,6 +66,15 @@ def spikes(mesh: Mesh) -> Mask:
     sums = scatter_add(mesh.faces.ravel(), angles.ravel(), len(mesh.vertices))
     inner = mesh.topology.used_vertices & ~mesh.topology.boundary_vertices
     return np.asarray(inner & (sums < SPIKE))
+
+
+def folded_edges(mesh: Mesh) -> Mask:
+    """Return (i,) bool, the interior edges whose faces have normals more than 90° apart if consistently oriented."""
+    topology = mesh.topology
+    one, other = topology.face_pairs.T
+    cosines = np.einsum("ij,ij->i", mesh.face_normals[one], mesh.face_normals[other])
+    cosines[flipped_edges(topology)[topology.interior_edges]] *= -1
+    return np.asarray(cosines < FOLDED)
 
 
 def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:

@@ -12,6 +12,7 @@ from cascadenorm.api.inspection.defects import (
     boundary_loop_count,
     enclosed,
     flipped_edges,
+    folded_edges,
     pinched_vertices,
     repeats,
     spikes,
@@ -19,7 +20,8 @@ from cascadenorm.api.inspection.defects import (
 )
 from cascadenorm.api.inspection.source import Found, GivenMesh, taken
 from cascadenorm.api.opened_files import detected_error
-from cascadenorm.detection.error_kind import ErrorKind
+from cascadenorm.detection.bumps import Bumps, bumps
+from cascadenorm.detection.error_kind import LEAST_ERROR, ErrorKind
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
@@ -99,6 +101,8 @@ class Inspection:
         Faces that cross others; None if not checked.
     spikes
         Vertices with an angle sum of less than 150°.
+    folded_edges
+        Number of edges whose two faces have normals more than 90° apart, such as edges of spikes and folds.
     small_components
         Components with fewer than 1 % of the faces of the largest one, given by one face each.
     euler_characteristic
@@ -113,7 +117,7 @@ class Inspection:
         Spacing of the number type at the largest coordinate, in mean edge lengths.
     noise
         Root mean square of the normal displacement by `auto`, in mean edge lengths; estimated from the mesh alone if
-        `error` is None. None if there are too few interior edges.
+        `error` is None. None if there are too few interior edges for an estimate and `auto` finds no error.
     error
         Kind of error that `auto` would remove; None for more than MOST_FACES_DENOISED faces, or if all vertices
         coincide.
@@ -121,6 +125,9 @@ class Inspection:
         Kind of surface that `auto` chooses for the mesh; None if `error` is None.
     treads
         Wide flat steps, such as those of quantized depths, which may be error or shape; None if there are none.
+    bumps
+        Wide bumps of one width that cover the mesh, which may be error or shape; None if there are none, or for more
+        than MOST_FACES_DENOISED faces.
     """
 
     source: str
@@ -149,6 +156,7 @@ class Inspection:
     nearly_coincident: Found = NONE_FOUND
     crossing_faces: Found | None = NONE_FOUND
     spikes: Found = NONE_FOUND
+    folded_edges: int = 0
     small_components: Found = NONE_FOUND
     euler_characteristic: int = 0
     genus: int | None = None
@@ -162,6 +170,7 @@ class Inspection:
     error: ErrorKind | None = None
     treated_as: MeshTreatment | None = None
     treads: Treads | None = None
+    bumps: Bumps | None = None
 
     @property
     def findings(self) -> dict[str, Found]:
@@ -244,6 +253,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
         "spikes": numbered.at_vertices(spikes(small)),
+        "folded_edges": int(folded_edges(small).sum()),
         "small_components": numbered.at_faces(np.isin(every, small_components(mesh)[1])),
         "euler_characteristic": int(topology.used_vertices.sum()) - len(topology.edges) + len(mesh.faces),
         "genus": int((2 - parts.characteristics[parts.manifold]).sum() // 2) if parts.manifold.any() else None,
@@ -254,6 +264,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "volume": _scaled(float(parts.volumes.sum()), 3 * exponent) if len(parts.volumes) else None,
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "treads": treads(facing),
+        "bumps": bumps(facing) if len(mesh.faces) <= MOST_FACES_DENOISED else None,
         **_noise_and_error(mesh, small, exponent, noise_level(facing)),
     }
 
@@ -268,7 +279,9 @@ def _noise_and_error(mesh: Mesh, small: Mesh, exponent: int, noise: float | None
     auto, removed = find("auto"), list[Vectors]()
     run_with_controls(auto, mesh, {}, checked_controls({}), removed=removed)
     found = detected_error(auto, small, exponent, removed, {})
-    return {"noise": None if noise is None else found["error"].size, **found}
+    # Without enough interior edges for an estimate, an error that `auto` finds is still the noise.
+    known = noise is not None or found["error"].size >= LEAST_ERROR
+    return {"noise": found["error"].size if known else None, **found}
 
 
 def _scaled(value: float, exponent: int) -> float | None:
@@ -278,10 +291,28 @@ def _scaled(value: float, exponent: int) -> float | None:
     return scaled if np.isfinite(scaled) else None
 
 
+def new_faults(before: Mesh, after: Mesh) -> dict[str, tuple[int, int]]:
+    """Return the counts of `surface_faults` that a result has more of, before and after.
+
+    The mesh before is only examined if the result has any of these faults. Meshes of more than MOST_FACES_CROSSED faces
+    are not examined.
+    """
+    if len(after.faces) > MOST_FACES_CROSSED:
+        return {}
+    counts = {name: count for name, count in surface_faults(after).items() if count}
+    earlier = surface_faults(before) if counts else {}
+    more = ((name, earlier[name] or 0, count) for name, count in counts.items())
+    return {name: (old, count) for name, old, count in more if count > old}
+
+
 def surface_faults(mesh: Mesh) -> dict[str, int | None]:
-    """Count crossing faces and spikes; crossing faces are None for more than MOST_FACES_CROSSED faces."""
+    """Count crossing faces, spikes and folded edges; crossing faces are None for more than MOST_FACES_CROSSED faces."""
     small, _ = in_frame(mesh)
     crossing = None
     if len(mesh.faces) <= MOST_FACES_CROSSED:
         crossing = int(crossing_faces(small, repeats(small.vertices)[1]).sum())
-    return {"crossing_faces": crossing, "spikes": int(spikes(small).sum())}
+    return {
+        "crossing_faces": crossing,
+        "spikes": int(spikes(small).sum()),
+        "folded_edges": int(folded_edges(small).sum()),
+    }

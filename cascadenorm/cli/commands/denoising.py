@@ -75,7 +75,9 @@ def denoise(
 ) -> None:
     """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
-    from cascadenorm.cli import progress_bars, tables
+    from cascadenorm.api.inspection.inspection import new_faults
+    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.geometry.volume import closed_parts
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
@@ -90,6 +92,7 @@ def denoise(
         from cascadenorm import reports
 
         reports.check_report(report, force=force)
+        true_mesh = None if truth is None else reports.checked_truth(truth)
     with progress_bars.progress_bar("denoising") as progress:
         denoised = api.denoise_file_with_meshes(
             sys.stdin.buffer if source == "-" else source,
@@ -107,16 +110,17 @@ def denoise(
             **controls,
         )
     if report is not None:
-        reports.report_denoised(report, denoised, truth=truth, force=force)
+        reports.report_denoised(report, denoised, truth=true_mesh, force=force)
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
+    meshes = denoised.before.mesh, denoised.after.mesh
     if as_json:
-        from cascadenorm.cli import json_output
-
-        counts = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
-        json_output.print_json("denoise", {**asdict(done), **counts}, file=out)
+        json_output.print_json("denoise", {**asdict(done), **json_output.faults_json(*meshes)}, file=out)
     else:
         tables.print_denoised(done, file=out)
+        if controls["volume"] == "keep" and not closed_parts(denoised.before.mesh).total:
+            complain("--keep-volume had no effect: no component of the mesh is closed")
+        tables.print_new_faults(new_faults(*meshes))
         if report is not None:
             print(f"report: {report}", file=out)
 

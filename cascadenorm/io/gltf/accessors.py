@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.gltf.buffers import Buffers
+from cascadenorm.io.gltf.entries import entry, with_keys
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh import box_of
 
@@ -20,7 +21,7 @@ STORED = [
     *((kind, int(np.iinfo(kind).max)) for kind in INTEGER_TYPES),
 ]
 """Supported storage of 3-vectors: the component type, and its value that represents 1."""
-COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 ALIGNMENT = 4
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 """Targets of buffer views with attributes and with vertex indices."""
@@ -136,9 +137,8 @@ class Accessors:
 
     def places(self, number: int) -> ByteOffsets:
         """Return the byte offset of each vector in the buffers. Raises ReadError if one is undefined."""
-        accessor = self._document["accessors"][number]
+        accessor, sparse = self._accessor(number), self._sparse(number)
         size, count = self._type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]], accessor["count"]
-        sparse = accessor.get("sparse")
         if "bufferView" in accessor:
             if sparse is None:
                 return self._range(accessor, count, size)
@@ -161,23 +161,21 @@ class Accessors:
 
     def spans(self, number: int) -> list[tuple[ByteOffsets, int]]:
         """Return the offsets and sizes of the parts of an accessor that lie in loaded buffers."""
-        accessor = self._document["accessors"][number]
-        sparse = accessor.get("sparse")
-        width = self._type(accessor).itemsize * COMPONENT_COUNTS.get(accessor["type"], 1)
+        accessor, sparse = self._accessor(number), self._sparse(number)
+        width = self._type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]]
         parts = [(accessor, accessor["count"], width)] if "bufferView" in accessor else []
         if sparse is not None:
             indices, values = sparse["indices"], sparse["values"]
             parts += [(indices, sparse["count"], self._type(indices).itemsize), (values, sparse["count"], width)]
-        views = self._document["bufferViews"]
         return [
             (self._range(part, count, size), size)
             for part, count, size in parts
-            if views[part["bufferView"]]["buffer"] in self._buffers.places
+            if self._view(part)["buffer"] in self._buffers.places
         ]
 
     def vectors(self, number: int) -> StoredVectors:
         """Return the stored vectors of an accessor, which must have three components."""
-        accessor = self._document["accessors"][number]
+        accessor = self._accessor(number)
         kind, largest = self._type(accessor), self._largest(accessor)
         if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
             raise ReadError(
@@ -190,17 +188,38 @@ class Accessors:
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector per row."""
-        accessor = self._document["accessors"][number]
+        accessor = self._accessor(number)
         places = self.places(number)  # loads the buffer
         self.claim(len(places))
         return gathered(self._buffers.data, places, self._type(accessor), COMPONENT_COUNTS[accessor["type"]])
 
     def fractions(self, number: int) -> NDArray[np.float32] | None:
         """Return the numbers of an accessor in floating point, or None if they are integers that are not normalized."""
-        values, largest = self.values(number), self._largest(self._document["accessors"][number])
+        values, largest = self.values(number), self._largest(self._accessor(number))
         if values.dtype.kind == "f":
             return values
         return None if largest == 1 else np.asarray(np.maximum(values / largest, -1), np.float32)
+
+    def _accessor(self, number: int) -> dict[str, Any]:
+        """Return an accessor. Raises ReadError if it does not exist, lacks a required key or has an unknown type."""
+        accessor = entry(self._document, "accessors", number, "componentType", "count", "type")
+        _check_known(accessor, f"accessors[{number}]", "componentType", [*COMPONENT_TYPES])
+        _check_known(accessor, f"accessors[{number}]", "type", [*COMPONENT_COUNTS])
+        return accessor
+
+    def _sparse(self, number: int) -> dict[str, Any] | None:
+        """Return the replaced elements of an accessor, if it has some. Raises ReadError if a required key is absent."""
+        sparse, place = self._accessor(number).get("sparse"), f"accessors[{number}].sparse"
+        if sparse is not None:
+            with_keys(sparse, place, "count", "indices", "values")
+            with_keys(sparse["indices"], f"{place}.indices", "bufferView", "componentType")
+            _check_known(sparse["indices"], f"{place}.indices", "componentType", [*COMPONENT_TYPES])
+            with_keys(sparse["values"], f"{place}.values", "bufferView")
+        return sparse
+
+    def _view(self, part: dict[str, Any]) -> dict[str, Any]:
+        """Return the buffer view of an accessor. Raises ReadError if it does not exist or names no buffer."""
+        return entry(self._document, "bufferViews", part["bufferView"], "buffer")
 
     @classmethod
     def _largest(cls, accessor: dict[str, Any]) -> int:
@@ -214,7 +233,7 @@ class Accessors:
 
     def _range(self, part: dict[str, Any], count: int, size: int) -> range:
         """Return the byte offsets of the vectors of a buffer view, each of the given size."""
-        view = self._document["bufferViews"][part["bufferView"]]
+        view = self._view(part)
         begin, end = self._buffers.place(view["buffer"])
         start, step = view.get("byteOffset", 0) + part.get("byteOffset", 0), view.get("byteStride", size)
         if not all(isinstance(n, int) and n >= 0 for n in (start, step, count)) or (count and step < size):
@@ -227,6 +246,12 @@ class Accessors:
                 "or not the one that its buffers belong to; get a complete copy"
             )
         return range(begin + start, begin + start + step * count, step) if count else range(0)
+
+
+def _check_known(part: dict[str, Any], place: str, key: str, known: list[Any]) -> None:
+    """Raise ReadError if an object of the document, at this place, has a value that glTF does not define."""
+    if part[key] not in known:
+        raise ReadError(f"{place} in the glTF document has the unknown {key} {part[key]!r}: export the file again")
 
 
 class NewAccessors:

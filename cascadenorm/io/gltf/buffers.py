@@ -59,11 +59,12 @@ class Buffers:
         )
 
     def _load(self, number: int) -> Piece:
-        uri = self.declared[number].get("uri") if number >= 0 else None
+        exists = isinstance(number, int) and 0 <= number < len(self.declared)
+        uri = self.declared[number].get("uri") if exists else None
         if uri is None:
             if number == 0 and self._chunk is not None:
                 return self._chunk
-            raise ReadError(f"buffer {number} of the glTF document has no data: export the file again")
+            raise ReadError(f"buffer {number!r} of the glTF document has no data: export the file again")
         if uri.startswith("data:"):
             return _embedded(uri, number)
         name = relative_name(uri)

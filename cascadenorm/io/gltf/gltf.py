@@ -1,7 +1,7 @@
 """glTF 2: replace positions and normals, as they are before the transforms of nodes, and keep everything else."""
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
@@ -17,6 +17,7 @@ from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
 from cascadenorm.io.gltf.document import check_lists, content_of, document_of, encoded, parsed
+from cascadenorm.io.gltf.entries import entry, with_keys
 from cascadenorm.io.gltf.patching import Patching
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
@@ -66,9 +67,8 @@ class GltfFile(MeshFile):
         self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
         self._accessors = Accessors(document, self._buffers, len(self.data))
         self._primitives = [
-            self._primitive(mesh_number, number, primitive)
-            for mesh_number, mesh in enumerate(document.get("meshes", []))
-            for number, primitive in enumerate(mesh["primitives"])
+            self._primitive(mesh, number, primitive)
+            for mesh, number, primitive in _declared_primitives(document)
             if "POSITION" in primitive["attributes"]
         ]
         self._stored = StoredVectors.joined([p.positions for p in self._primitives])
@@ -116,9 +116,8 @@ class GltfFile(MeshFile):
     def _other_accessors(self) -> list[int]:
         """Return the numbers of the accessors of primitives that do not store positions or normals to be moved."""
         moving = {p.attributes.get(name) for p in self._primitives for name in ("POSITION", "NORMAL")}
-        primitives = [primitive for mesh in self._document.get("meshes", []) for primitive in mesh["primitives"]]
         found: set[int] = set()
-        for primitive in primitives:
+        for _, _, primitive in _declared_primitives(self._document):
             found |= {primitive["indices"]} if "indices" in primitive else set()
             for attributes in (primitive["attributes"], *primitive.get("targets", [])):
                 found |= set(attributes.values())
@@ -321,6 +320,13 @@ class GltfFile(MeshFile):
         return cls._made(document, buffer), lost
 
 
+def _declared_primitives(document: dict[str, Any]) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    """Yield the primitives with the numbers of their meshes and their own. Raises ReadError if a key is missing."""
+    for mesh in range(len(document.get("meshes", []))):
+        for number, primitive in enumerate(entry(document, "meshes", mesh, "primitives")["primitives"]):
+            yield mesh, number, with_keys(primitive, f"meshes[{mesh}].primitives[{number}]", "attributes")
+
+
 def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Concatenate parts, (m, 3) each. A single part is returned without a copy."""
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
@@ -329,4 +335,15 @@ def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
 def _explained() -> AbstractContextManager[None]:
     """Convert errors from documents of an unexpected form to ReadError."""
     problem = "the JSON of this file is not valid glTF 2"
-    return explained(problem, hint="export the file again", said=lambda error: f"{type(error).__name__}, {error}")
+    return explained(problem, hint="export the file again", said=_said)
+
+
+def _said(error: Exception) -> str:
+    """Describe an error that an entry of a document caused, which may have any type."""
+    if isinstance(error, KeyError):
+        return f"the key or value {error} is missing or unknown"
+    if isinstance(error, IndexError):
+        return "a number refers to an entry that does not exist"
+    if isinstance(error, RecursionError):
+        return "its objects are nested too deeply"
+    return f"an entry has the wrong type or size ({error})" if isinstance(error, TypeError) else str(error)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
-from cascadenorm.io.libraries import unzipped
+from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.spelling import rows_of
 from cascadenorm.io.text.text import as_short, digits_of
@@ -214,9 +214,10 @@ def _root_of(relations: bytes, names: list[str]) -> str:
 
 
 def _repacked(data: bytes, new: dict[str, bytes]) -> bytes:
-    """Return an archive in which the content of some files is replaced."""
+    """Return an archive in which the content of some files is replaced. Raises ReadError if another one is damaged."""
     made = BytesIO()
-    with ZipFile(BytesIO(data)) as source, ZipFile(made, "w") as target:
+    damaged = explained("another file in this 3mf archive is damaged", hint="get a complete copy")
+    with damaged, ZipFile(BytesIO(data)) as source, ZipFile(made, "w") as target:
         target.comment = source.comment
         for entry in source.infolist():
             target.writestr(entry, new.get(entry.filename, source.read(entry)), compress_type=entry.compress_type)

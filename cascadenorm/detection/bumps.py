@@ -1,0 +1,49 @@
+"""Detection of bumps of one width that cover a surface, such as those of a surface around particles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cascadenorm.detection.error_kind import autocorrelation
+from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.averages import averaged
+
+PASSES = 64  # averaging passes; bumps up to about 30 mean edge lengths from crest to crest remain
+REACH = 24.0  # largest distance, in mean edge lengths, at which the correlation of heights is measured
+ALTERNATION = -0.18  # autocorrelation halfway between crests, at most; -0.15 and above on scans and reconstructions
+LEAST_HEIGHT = 0.01  # root mean square, in mean edge lengths, below which a surface is smooth
+NARROWEST = 5.0  # least width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
+FEWEST = 15  # bumps, below which they are the shape
+WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is least
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bumps:
+    """Bumps of one width that cover a mesh. They may be an error or belong to the shape."""
+
+    width: float  # in mean edge lengths
+
+
+def bumps(mesh: Mesh) -> Bumps | None:
+    """Find bumps of one width that cover the mesh; return None if there are none.
+
+    Heights above the smoothed surface, without their own smooth part, alternate between bumps and hollows. If all have
+    about one width, the autocorrelation of the heights is clearly negative at half the distance between crests; on
+    other surfaces, on which widths vary, it only falls to about zero.
+    """
+    edge, topology = mesh.mean_edge_length, mesh.topology
+    inside = topology.used_vertices & ~topology.boundary_vertices
+    if not edge > 0 or not inside.any():
+        return None
+    smooth = averaged(mesh.vertices, topology.vertex_neighbors, PASSES)
+    heights = np.einsum("ij,ij->i", mesh.vertices - smooth, mesh.moved(smooth).vertex_normals) / edge
+    heights = (heights - averaged(heights, topology.vertex_neighbors, PASSES))[inside]
+    if not np.sqrt(np.mean(heights**2)) >= LEAST_HEIGHT:
+        return None
+    at, correlation = autocorrelation(mesh.vertices[inside] / edge, heights, REACH)
+    rising = np.flatnonzero(np.diff(correlation[1:]) > 0) + 1
+    if not len(rising) or correlation[rising[0]] > ALTERNATION:
+        return None
+    half_wave = float(at[rising[0]])
+    width, count = WIDTH * half_wave, mesh.area / (2 * half_wave * edge) ** 2
+    return Bumps(width=width) if width >= NARROWEST and count >= FEWEST else None
