@@ -42,7 +42,18 @@ class CascadenormError(Exception):
         self.problem, self.hint, self.remedy, self.place = problem, hint, remedy, ""
 
     def message(self, spelling: Spelling = in_python) -> str:
-        """Return the location, problem and solutions as one sentence, with settings named as in an interface."""
+        """Return the location, problem and solutions as one sentence.
+
+        Parameters
+        ----------
+        spelling
+            Function that returns the name of a setting in an interface, given its name in Python and its value or None.
+            By default, settings are named as in Python.
+
+        Returns
+        -------
+        Text of one line, as shown to a user.
+        """
         ways = [self.hint] if self.hint else []
         if self.remedy:
             ways.append(f"pass {spelling(*self.remedy)}")
@@ -50,7 +61,17 @@ class CascadenormError(Exception):
         return f"{place}{self._stated(spelling)}{': ' if ways else ''}{', or '.join(ways)}"
 
     def within(self: Located, place: str) -> Located:
-        """Return a copy of the error with the name of the file it concerns."""
+        """Return a copy of the error with the name of the file it concerns.
+
+        Parameters
+        ----------
+        place
+            Name of the file or stream, which precedes the problem in the message.
+
+        Returns
+        -------
+        An error of the same class.
+        """
         located = copy(self)
         located.place = place
         return located

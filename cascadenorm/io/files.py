@@ -247,6 +247,10 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     faces
         (m, 3) integers in 0 … n - 1.
 
+    Returns
+    -------
+    The file, as `read` returns one.
+
     Raises
     ------
     MeshError
