@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import reported_controls
-from cascadenorm.api.kept_components import Dropped, without_small_components
+from cascadenorm.api.dropped_components import Dropped, without_small_components
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind

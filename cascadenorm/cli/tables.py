@@ -8,7 +8,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, TextIO
 
-from cascadenorm.cli.errors import complain
+from cascadenorm.cli.errors import notify
 from cascadenorm.cli.options import OPTIONS
 from cascadenorm.errors import counted
 
@@ -54,13 +54,13 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
         print(f"controls: {', '.join(chosen)}", file=file)
     if done.dropped_components:
         components = counted(done.dropped_components, "small component")
-        complain(f"dropped: {components} of {counted(done.dropped_faces, 'face')} in all")
+        notify(f"dropped: {components} of {counted(done.dropped_faces, 'face')} in all")
     if done.isolated_vertices or done.isolated_faces:
         vertices = counted(done.isolated_vertices, "vertex that is not finite", "vertices that are not finite")
-        complain(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
+        notify(f"left unchanged: {vertices}, {counted(done.isolated_faces, 'bad face')}")
     if done.nearly_coincident:
         near = counted(done.nearly_coincident, "boundary vertex lies", "boundary vertices lie")
-        complain(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
+        notify(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
     print_left_out(done.left_out)
 
 
@@ -103,7 +103,7 @@ def _option(name: str, value: object) -> str:
 def print_left_out(losses: Sequence[str]) -> None:
     """Print the content that an output could not keep."""
     for loss in losses:
-        complain(f"left out: {loss}")
+        notify(f"left out: {loss}")
 
 
 def print_inspection(found: "Inspection") -> None:

@@ -15,7 +15,7 @@ AT_FACES = {
 """Findings that are located at faces; the others are at vertices or edges."""
 
 
-class Place(NamedTuple):
+class DefectPlace(NamedTuple):
     """The place of a defect."""
 
     # mesh, finding, label: names of the mesh and the finding, and a label such as "face 17"
@@ -26,7 +26,7 @@ class Place(NamedTuple):
     radius: float  # radius of the defect in mesh units
 
 
-def places(given: Given, found: Inspection) -> list[Place]:
+def places(given: Given, found: Inspection) -> list[DefectPlace]:
     """Return the places listed by an inspection that have finite positions."""
     positions = np.asarray(given.file.positions, np.float64)
     listed = []
@@ -38,7 +38,7 @@ def places(given: Given, found: Inspection) -> list[Place]:
                 middle = points.mean(axis=0)
                 radius = float(np.linalg.norm(points - middle, axis=1).max())
                 label = _label(name, number)
-                listed.append(Place(given.key, name, label, tuple(middle.tolist()), radius))
+                listed.append(DefectPlace(given.key, name, label, tuple(middle.tolist()), radius))
     return listed
 
 

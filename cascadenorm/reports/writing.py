@@ -20,7 +20,7 @@ from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
 from cascadenorm.reports.page import code, folded, listed, page, table
-from cascadenorm.reports.places import Place, places
+from cascadenorm.reports.places import DefectPlace, places
 from cascadenorm.reports.scene import scene
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _sections(
     inspected: Inspected,
     measured: Measured,
     done: DenoisingSummary | None,
-    found: Sequence[Place],
+    found: Sequence[DefectPlace],
 ) -> list[tuple[str, str]]:
     """Return the titles and the HTML of what stands below the viewer."""
     warnings = facts.warnings(done, inspected)
@@ -184,7 +184,7 @@ def _undrawn(alone: Given) -> str | None:
     return None
 
 
-def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[Place]) -> str:
+def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[DefectPlace]) -> str:
     """Return the defects of a mesh with their first places, which the viewer turns into buttons."""
     rows = []
     for name, finding in found.findings.items():

@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 from cascadenorm.errors import CascadenormError, ParameterError
-from cascadenorm.studio.names import plain_name, spelled
+from cascadenorm.studio.names import plain_name, setting_name
 from cascadenorm.studio.session import RequestFailed, Session
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
@@ -85,7 +85,7 @@ class Application:
             except RequestFailed as error:
                 return Json(error.content, 400)
             except CascadenormError as error:
-                return Json({"error": error.message(spelled)}, 413 if isinstance(error, TooLarge) else 400)
+                return Json({"error": error.message(setting_name)}, 413 if isinstance(error, TooLarge) else 400)
 
         return answering
 

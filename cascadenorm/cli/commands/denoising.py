@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.errors import PARTLY, complain, located, warn_of_strength, worded
+from cascadenorm.cli.errors import PARTLY, located, notify, warn_of_strength, worded
 from cascadenorm.cli.options import (
     Force,
     JsonOption,
@@ -102,7 +102,7 @@ def denoise(
             drop_components=drop_components,
             memory=memory,
             scheduler=scheduler,
-            on_short=lambda why: complain(f"{source}: {why}: it is denoised in patches (docs/patches.md)"),
+            on_short=lambda why: notify(f"{source}: {why}: it is denoised in patches (docs/patches.md)"),
             progress=progress,
             **controls,
         )
@@ -198,7 +198,7 @@ def batch(
             watch=watch,
             scheduler=scheduler,
             manifest=manifest,
-            on_failure=lambda failure: complain(located(failure.source, failure.error)),
+            on_failure=lambda failure: notify(located(failure.source, failure.error)),
             progress=progress,
             **controls,
         )
