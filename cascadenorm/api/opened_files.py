@@ -273,7 +273,7 @@ def _checked_output(
     """Return the target to write to; raises OutputError if it cannot be written or may not be replaced."""
     if output is None:
         if not isinstance(source, str | PathLike):
-            raise TypeError("a stream has no place for its output: give one")
+            raise TypeError("a stream has no folder for the output: give an output")
         output = beside(Path(source), "denoised")
         check_output(output, force=force)
     elif isinstance(output, str | PathLike):

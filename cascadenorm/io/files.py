@@ -202,7 +202,7 @@ def beside(source: Path, what: str) -> Path:
     if source.is_dir():
         raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
     if is_special(source):
-        raise OutputError(f"{source} is a pipe or a device, beside which nothing is written", hint="give an output")
+        raise OutputError(f"{source} is a pipe or a device, which has no folder for the output", hint="give an output")
     return source.with_name(f"{source.stem}_{what}{source.suffix}")
 
 
