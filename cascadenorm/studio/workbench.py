@@ -215,7 +215,7 @@ class Workbench:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
 
     def _steps_of(self, asked: Chosen) -> KnownSteps:
-        """Return the known results of these settings, of which strengths are blends; others are dropped."""
+        """Return the known results of these settings, whatever the strength, which blends them; drop all others."""
         others = {name: value for name, value in asked.given.items() if name != "strength"}
         key = self._key({"method": asked.method.name, "parameters": asked.parameters, "controls": others})
         if key != self._steps_key:
