@@ -114,7 +114,7 @@ def report(
 def report_denoised(
     output: str | PathLike[str], denoised: Denoised, *, truth: Any = None, force: bool = False
 ) -> Contents:
-    """Write a report on what `denoised_file` did."""
+    """Write a report on the result of `denoise_file_with_meshes`."""
     summary, before, after = denoised
     shown = Given("before", summary.source, before), Given("after", summary.output, after)
     return report(output, *shown, truth=truth, summary=summary, force=force)
