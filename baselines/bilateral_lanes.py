@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 
 from cascadenorm.mesh import Csr
 
-LANES = 4  # filters side by side: numbers of single precision in a vector register
+LANES = 4  # number of filters that run side by side: single-precision numbers in a vector register
 
 
 @intrinsic
@@ -124,7 +124,7 @@ class _Instructions:
         return vectors[0] if len(vectors) == 1 else self.shuffled(vectors[0], vectors[1], range(2 * LANES))
 
     def lanes_of(self, vector: Any, part: int) -> Any:
-        """Return the vector that stands at a place in a joined one."""
+        """Return one of the two vectors that were joined."""
         return self.shuffled(vector, vector, range(part * LANES, (part + 1) * LANES))
 
     def shuffled(self, one: Any, other: Any, numbers: range) -> Any:
@@ -133,7 +133,7 @@ class _Instructions:
         return self.builder.shuffle_vector(one, other, mask)
 
     def normalized(self, face: Any, totals: list[Any], mine: list[Any]) -> None:
-        """Store the sums at length 1 as the normals of a face; where they vanish, its own normals."""
+        """Normalise the sums and store them as the normals of a face; where a sum vanishes, keep its own normal."""
         builder = self.builder
         root = ir.FunctionType(self.lanes, [self.lanes])
         root = cgutils.get_or_insert_function(builder.module, root, f"llvm.sqrt.v{LANES}f32")  # type: ignore[no-untyped-call]
@@ -161,7 +161,7 @@ class _Instructions:
 
 
 def equals(plain: Callable[..., None]) -> bool:
-    """Tell whether vector instructions can be compiled here and give the same bytes as plain loops."""
+    """Test whether vector instructions can be compiled here and give the same bytes as plain loops."""
     rng = np.random.default_rng(0)
     normals, steepness = rng.normal(size=(5, 3, 4)).astype(np.float32), np.array([0, 0.01, 0.1, 10], np.float32)
     normals[4] = 0  # whose sums vanish

@@ -184,7 +184,7 @@ def bilateral_normal_global(
 
     Limits
     ------
-    The weights are those of the noisy normals throughout, so heavy noise is taken for edges. The cost is that of one
+    The weights are those of the noisy normals throughout, so heavy noise is mistaken for edges. The cost is that of one
     sparse system of the size of the faces.
     """
     normals = global_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, fidelity=fidelity)

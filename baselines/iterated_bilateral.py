@@ -1,5 +1,7 @@
 """Face normals after many bilateral passes, with four range spreads filtered side by side."""
 
+import warnings
+
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
@@ -9,7 +11,12 @@ from cascadenorm.execution.progress import track
 from cascadenorm.mesh import Csr, Floats32, Mesh, kernel, parallel_for
 
 LANES = 4  # range spreads that are filtered side by side
-LARGEST_AREA = 1000.0  # no face weighs more than one of so many median areas: many passes would carry a spike far
+LARGEST_AREA = 1000.0
+"""Area, in median areas, above which the weight of a face no longer grows, because many passes would spread a spike."""
+SLOW = (
+    "the vector instructions of cascadenorm do not work with the installed numba and llvmlite: results stay the same, "
+    "but learned methods take longer"
+)
 
 
 def iterated_bilateral_normals(
@@ -19,12 +26,26 @@ def iterated_bilateral_normals(
     passes: tuple[int, ...],
     out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Return the normals after each number of bilateral passes over one ring, for each σ_r.
+    """Filter the face normals bilaterally over one ring of faces, and return them after each number of passes.
 
-    In place of e^-u the range weight is (1 - u/8)^8, which is near it and zero from u = 8 on. Without an exponential,
-    all σ_r are filtered side by side, in 12 numbers of 4 bytes a neighbour. σ_r are spreads of chords between unit
-    normals; infinity disables the range weight. σ_s is one mean edge length. The p numbers of passes ascend. Returns
-    (m, 1 + 4 p, 3), which is `out` if that is given: the face normal, then each σ_r within each number of passes.
+    The range weight is (1 - u/8)^8, which approximates e^-u and is zero for u ≥ 8. Because it needs no exponential,
+    vector instructions can filter all σ_r at once.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with m faces.
+    sigma_r
+        Spreads of the chords between unit normals; infinity disables the range weight. The spatial spread σ_s is one
+        mean edge length.
+    passes
+        p numbers of passes, ascending.
+    out
+        (m, 1 + 4 p, 3) array for the result; None allocates one.
+
+    Returns
+    -------
+    (m, 1 + 4 p, 3) unit normals: the face normal, then for each number of passes the results of all σ_r.
     """
     rings, own, weights = _ring_weights(mesh)
     steepness = (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)  # range weight: (1 - steepness · chord²)^8
@@ -43,21 +64,21 @@ def iterated_bilateral_normals(
 
 
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
-    """One ring of faces, what each face weighs in its own average, and what each of its neighbours does there."""
+    """Return rings of neighbouring faces, and the weights of each face and of its neighbours in its average."""
     rings = mesh.topology.face_rings(1)
-    share = 1 / np.maximum(mesh.areas / (LARGEST_AREA * mesh.median_area), 1)  # of its area that a face weighs
+    share = 1 / np.maximum(mesh.areas / (LARGEST_AREA * mesh.median_area), 1)  # fraction of its area that counts
     own = (share * mesh.areas / mesh.median_area).astype(np.float32)
     return rings, own, spatial_weights(mesh, rings, 1.0, own)
 
 
 def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
-    """Filter the normals of face f, (3, LANES), each by how near those of its neighbours are to it."""
+    """Filter the normals of face f, (3, LANES), with one σ_r in each lane."""
     zero, one = np.float32(0), np.float32(1)
     first, last = rings.indptr[f], rings.indptr[f + 1]
     paired = last - (last - first) % 2
-    sums = np.zeros((3, 3, LANES), np.float32)  # of the first and the second neighbour of each pair, and of one alone
+    sums = np.zeros((3, 3, LANES), np.float32)  # over first neighbours of pairs, second ones, and an unpaired one
 
-    # each neighbour by its range weight and its spatial weight
+    # add the normal of each neighbour, multiplied by its range weight and its spatial weight
     for k in range(first, last):
         g, place = rings.indices[k], (k - first) % 2 if k < paired else 2
         for r in range(LANES):
@@ -77,7 +98,7 @@ def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: igno
         for r in range(LANES):
             total[d, r] = own[f] * normals[f, d, r] + sums[0, d, r] + sums[1, d, r] + sums[2, d, r]
 
-    # at length 1
+    # normalise
     for r in range(LANES):
         x, y, z = total[0, r], total[1, r], total[2, r]
         length = np.sqrt(x * x + y * y + z * z)  # powers of numpy 1 are in double precision
@@ -87,13 +108,15 @@ def _filter_face(f, normals, own, rings, weights, steepness, out):  # type: igno
 
 @overload(_filter_face)
 def _compiled(f, normals, own, rings, weights, steepness, out):  # type: ignore[no-untyped-def]
-    """Choose what `_filter_face` is compiled to: vector instructions, or its own loops where those fail."""
+    """Choose what `_filter_face` is compiled to: vector instructions or, with a warning, its own loops."""
     try:
         from cascadenorm.baselines.bilateral_lanes import equals, filter_lanes
 
-        if not equals(_filter_face):
-            return _filter_face
-    except Exception:  # whatever may become of interfaces that promise nothing
+        usable = equals(_filter_face)
+    except Exception:  # internal interfaces of numba and llvmlite may change in any release
+        usable = False
+    if not usable:
+        warnings.warn(SLOW, RuntimeWarning, stacklevel=2)
         return _filter_face
     return lambda f, normals, own, rings, weights, steepness, out: filter_lanes(  # type: ignore[call-arg]
         f, normals, own, rings, weights, steepness, out
@@ -120,6 +143,6 @@ def _bilateral_range(
     steepness: Floats32,
     out: Floats32,
 ) -> None:
-    """One pass of LANES filters side by side, each on its own normals; iteration f alone writes out[f]."""
+    """Apply one pass of all LANES filters, each to its own normals; iteration f alone writes out[f]."""
     for f in range(start, stop):
         _filter_face(f, normals, own, rings, weights, steepness, out)  # type: ignore[no-untyped-call]

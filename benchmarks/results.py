@@ -21,9 +21,9 @@ ROOT = Path(__file__).parents[1]
 FOLDER = Path("benchmarks", "records")
 PAGES = {
     "public-pairs": ("README.md", "accuracy.pairs.table"),
-    "validation": ("docs/models.md", "accuracy.pairs.table"),
-    "low-noise": ("docs/models.md", "accuracy.clean.low_noise_table"),
-    "real-errors": ("docs/models.md", "accuracy.kinds.table"),
+    "validation": ("benchmarks/accuracy.md", "accuracy.pairs.table"),
+    "low-noise": ("benchmarks/accuracy.md", "accuracy.clean.low_noise_table"),
+    "real-errors": ("benchmarks/accuracy.md", "accuracy.kinds.table"),
     "peers": ("benchmarks/accuracy.md", "accuracy.kinds.peer_table"),
     "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "levels": ("benchmarks/accuracy.md", "accuracy.generated.table"),

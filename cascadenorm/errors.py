@@ -10,7 +10,7 @@ from typing import TypeVar
 
 Located = TypeVar("Located", bound="CascadenormError")
 
-Spelling = Callable[[str, object], str]
+SettingName = Callable[[str, object], str]
 """Function that returns the name of a setting in an interface, given its name in Python and optionally its value."""
 
 
@@ -41,16 +41,37 @@ class CascadenormError(Exception):
         super().__init__(problem)
         self.problem, self.hint, self.remedy, self.place = problem, hint, remedy, ""
 
-    def message(self, spelling: Spelling = in_python) -> str:
-        """Return the location, problem and solutions as one sentence, with settings named as in an interface."""
+    def message(self, setting_name: SettingName = in_python) -> str:
+        """Return the location, problem and solutions as one sentence.
+
+        Parameters
+        ----------
+        setting_name
+            Function that returns the name of a setting in an interface, given its name in Python and its value or None.
+            By default, settings are named as in Python.
+
+        Returns
+        -------
+        Text of one line, as shown to a user.
+        """
         ways = [self.hint] if self.hint else []
         if self.remedy:
-            ways.append(f"pass {spelling(*self.remedy)}")
+            ways.append(f"pass {setting_name(*self.remedy)}")
         place = f"{self.place}: " if self.place else ""
-        return f"{place}{self._stated(spelling)}{': ' if ways else ''}{', or '.join(ways)}"
+        return f"{place}{self._stated(setting_name)}{': ' if ways else ''}{', or '.join(ways)}"
 
     def within(self: Located, place: str) -> Located:
-        """Return a copy of the error with the name of the file it concerns."""
+        """Return a copy of the error with the name of the file it concerns.
+
+        Parameters
+        ----------
+        place
+            Name of the file or stream, which precedes the problem in the message.
+
+        Returns
+        -------
+        An error of the same class.
+        """
         located = copy(self)
         located.place = place
         return located
@@ -58,7 +79,7 @@ class CascadenormError(Exception):
     def __str__(self) -> str:
         return self.message()
 
-    def _stated(self, spelling: Spelling) -> str:
+    def _stated(self, setting_name: SettingName) -> str:
         return self.problem
 
 
@@ -87,8 +108,8 @@ class ParameterError(CascadenormError, ValueError):
         super().__init__(problem, hint=hint, remedy=remedy)
         self.parameter = parameter
 
-    def _stated(self, spelling: Spelling) -> str:
-        return f"{spelling(self.parameter, None)} {self.problem}" if self.parameter else self.problem
+    def _stated(self, setting_name: SettingName) -> str:
+        return f"{setting_name(self.parameter, None)} {self.problem}" if self.parameter else self.problem
 
 
 class ConfigError(CascadenormError, ValueError):

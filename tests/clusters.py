@@ -12,7 +12,7 @@ from batches import START
 from cascadenorm.batch import cluster_processes
 from cascadenorm.execution import cluster
 
-PATIENCE = 600.0
+LONG_TIMEOUT_S = 600.0
 """Seconds that the tests wait for workers, since machines under load are slow.
 
 How long they wait for an answer stays as it is: a worker that was killed after its work never gives one.
@@ -20,7 +20,7 @@ How long they wait for an answer stays as it is: a worker that was killed after 
 COMMAND = [
     sys.executable,
     "-c",
-    f"from cascadenorm.batch import cluster_processes as of\nof.WORKER_TIMEOUT_S = {PATIENCE}\n{START}",
+    f"from cascadenorm.batch import cluster_processes as of\nof.WORKER_TIMEOUT_S = {LONG_TIMEOUT_S}\n{START}",
     "batch",
 ]
 CLUSTER = """
@@ -60,7 +60,7 @@ def patient() -> Iterator[None]:
     """Wait longer for workers."""
     with pytest.MonkeyPatch.context() as patch:
         for module in (cluster, cluster_processes):
-            patch.setattr(module, "WORKER_TIMEOUT_S", PATIENCE)
+            patch.setattr(module, "WORKER_TIMEOUT_S", LONG_TIMEOUT_S)
         yield
 
 

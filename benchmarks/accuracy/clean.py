@@ -10,7 +10,7 @@ the largest one in per cent of the diagonal of the bounding box, flipped faces, 
 denoising but did not before, and the change of the enclosed volume.
 
 With `--noise`, each mesh gets Gaussian noise along its normals, in mean edge lengths, and the table has the mean angle
-to the clean mesh. The record `low-noise` is shown in docs/models.md.
+to the clean mesh. The record `low-noise` is shown in benchmarks/accuracy.md.
 """
 
 import argparse

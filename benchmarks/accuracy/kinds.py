@@ -4,7 +4,7 @@
     python -m benchmarks.accuracy.kinds CASES --truth PATTERN --peers [--record peers]
 
 CASES holds a folder KIND-SHAPE with noisy.* for each case. PATTERN is the path of the true mesh of a case, in which
-{shape} stands for SHAPE; it may have other faces. The records are shown in docs/models.md and benchmarks/accuracy.md;
+{shape} stands for SHAPE; it may have other faces. The records are shown in benchmarks/accuracy.md;
 `--record real-errors` also renews the rows of its methods in the record `peers`.
 
 `--peers` installs other libraries into an environment of their own and runs each filter at its defaults and at the

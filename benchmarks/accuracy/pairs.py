@@ -4,7 +4,7 @@
     python -m benchmarks.accuracy.pairs PAIRS --collect GuidedDenoising MeshTGV
 
 `--collect` first copies the nine public pairs of README.md into PAIRS, from clones of the repositories (docs/data.md).
-The record `public-pairs` is shown in README.md, `validation` in docs/models.md. FILE has the errors of other programs
+README.md shows the record `public-pairs`, benchmarks/accuracy.md `validation`. FILE has the errors of other programs
 as JSON: pair → run → {"Ea_deg": degrees, "Ev": edge lengths, "flip": %}. Runs whose names end in "tuned" had their
 parameters chosen against the clean mesh; "published" is the denoised mesh that was published for the pair.
 """

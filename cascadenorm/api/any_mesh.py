@@ -1,5 +1,6 @@
 """Versions of internal functions that accept any kind of mesh."""
 
+import inspect
 from collections.abc import Callable
 from functools import wraps
 from os import PathLike
@@ -28,6 +29,10 @@ def on_any_mesh(
     def converting(mesh: Any, *arguments: Settings.args, **settings: Settings.kwargs) -> Result:
         return function(as_mesh(mesh), *arguments, **settings)
 
+    signature = inspect.signature(function)
+    first, *others = signature.parameters.values()
+    shown = signature.replace(parameters=[first.replace(annotation=Any), *others])
+    converting.__signature__ = shown  # type: ignore[attr-defined]
     return cast(Callable[Concatenate[Any, Settings], Result], converting)
 
 

@@ -241,7 +241,12 @@ def _memory_for_patches(
 
 
 def methods() -> dict[str, Method]:
-    """Return all methods by name, with their sources, parameters, units, ranges and defaults."""
+    """Return all methods.
+
+    Returns
+    -------
+    Methods by name, including your own, each with its source, parameters, units, ranges and defaults.
+    """
     return registered()
 
 
@@ -259,6 +264,10 @@ def compare(mesh: Any, reference: Any) -> Measures:
     ----------
     mesh, reference
         Meshes of any kind that `denoise` accepts.
+
+    Returns
+    -------
+    Angles in degrees, and distances in mean edge lengths or diagonals of the reference mesh.
 
     Raises
     ------

@@ -97,7 +97,7 @@ def run_with_controls(
             if removed is not None and not removed:
                 removed.append(np.ldexp(vertices() - framed.vertices, exponent)[order.places])
 
-        step = _step(Settings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
+        step = _step(StepSettings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
             step = partial(_slid, step, slides)
@@ -154,7 +154,7 @@ def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[s
     return method.checked(parameters)
 
 
-class Settings(NamedTuple):
+class StepSettings(NamedTuple):
     """A method with its parameters and controls, with lengths in units of the frame."""
 
     method: Method
@@ -167,7 +167,7 @@ class Settings(NamedTuple):
     @classmethod
     def of(
         cls, method: Method, parameters: Mapping[str, Any], controls: Controls, framed: Mesh, exponent: int
-    ) -> "Settings":
+    ) -> "StepSettings":
         """Convert the lengths to units of the frame.
 
         For a method that converges, each unit of strength above 1 adds one removal on the previous result. Each removal
@@ -182,14 +182,14 @@ class Settings(NamedTuple):
         detected = controls["remove_detail"] is None
         return cls(method, parameters, controls, keep, None if detected else remove, removals)
 
-    def on_copies(self, owners: Ints) -> "Settings":
+    def on_copies(self, owners: Ints) -> "StepSettings":
         """Return the settings for a mesh whose vertices are copies of the `owners`."""
         if REGION not in self.parameters:
             return self
         return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
-def _step(settings: Settings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note) -> Step:
+def _step(settings: StepSettings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note) -> Step:
     """Return the step that applies the method together with creases, boundary and detail to meshes with these faces.
 
     If regions share walls, the step runs on the shells of the regions, `parts`, and then joins the walls from their two
@@ -215,7 +215,7 @@ def _slid(step: Step, slides: Sliding, mesh: Mesh) -> Vectors:
 
 
 def _surface_step(
-    settings: Settings,
+    settings: StepSettings,
     mesh: Mesh,
     numbers: Ints,
     creases: NDArray[np.bool_] | None,

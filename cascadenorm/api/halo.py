@@ -15,6 +15,7 @@ from cascadenorm.api.regions.shells import shells
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
+from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import (
     Frame,
     Mesh,
@@ -60,15 +61,26 @@ class Whole:
     flipped: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, vertices: ArrayLike, faces: ArrayLike) -> "Whole":
-        """Gather these properties from a mesh of n vertices, (n, 3), and m faces, (m, 3).
+    def of(cls, mesh: Any, faces: ArrayLike | None = None) -> "Whole":
+        """Gather these properties from a mesh.
+
+        Parameters
+        ----------
+        mesh
+            Mesh of any kind. If `faces` is given, the vertices (n, 3) alone.
+        faces
+            (m, 3) integers in 0 … n - 1, unless `mesh` holds them.
+
+        Returns
+        -------
+        The properties, independent of the later positions of `mesh`.
 
         Raises
         ------
         MeshError
             The mesh is invalid, a face repeats a vertex, or regions share walls and thus depend on each other.
         """
-        mesh = Mesh(vertices, faces)
+        mesh = as_mesh(mesh if faces is None else (mesh, faces))
         if without_lines(mesh) is not mesh:
             lines = repeats_vertex(mesh.faces)
             raise MeshError(
@@ -91,6 +103,17 @@ class Whole:
     def receptive_field(self, method: str, **parameters: Any) -> int:
         """Return the number of edges around a vertex within which the mesh determines its position.
 
+        Parameters
+        ----------
+        method
+            Name of a method listed by `methods()`.
+        parameters
+            Parameters of the method.
+
+        Returns
+        -------
+        Width of the halo that a patch needs, in edges.
+
         Raises
         ------
         ParameterError
@@ -107,6 +130,12 @@ class Whole:
             (m, 3) faces of the whole mesh.
         inside
             (n,) bool, or indices of the vertices of the patch.
+        rings
+            Width of the halo in edges, at least `receptive_field` of the method.
+
+        Returns
+        -------
+        The patch: indices of its vertices in the whole mesh, its faces, and its halo.
         """
         every = np.asarray(faces)
         chosen = np.zeros(len(self.group), bool)

@@ -42,12 +42,37 @@ class Denoiser:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Denoiser":
-        """Read a weights file made by `train` or `train_gate`; raises ParameterError if it is not one."""
+        """Read a weights file made by `train` or by the command `train-gate`.
+
+        Parameters
+        ----------
+        path
+            Weights file, `.safetensors`.
+
+        Returns
+        -------
+        The model, for the method "auto", which also runs single cascades.
+
+        Raises
+        ------
+        ParameterError
+            The file is missing or is not a weights file of this version.
+        """
         return cls(read_model(path))
 
     @classmethod
     def shipped(cls, name: str = "auto") -> "Denoiser":
-        """Return a model that ships with the package, one of SHIPPED."""
+        """Return a model that ships with the package.
+
+        Parameters
+        ----------
+        name
+            "auto" or "cascade".
+
+        Returns
+        -------
+        The model, used by the method of the same name.
+        """
         return cls(shipped(name), method=name)
 
     @property
@@ -58,7 +83,25 @@ class Denoiser:
     def denoise(self, mesh: Any, faces: Any = None, **settings: Any) -> Any:
         """Denoise a mesh, like `cascadenorm.denoise(mesh, faces, method=…, model=…)` with this model.
 
-        Settings are those of `cascadenorm.denoise` and of the method, such as `sweeps`, except method and model.
+        Parameters
+        ----------
+        mesh, faces
+            As in `cascadenorm.denoise`.
+        settings
+            Controls, and parameters of the method such as `sweeps`, but neither `method` nor `model`.
+
+        Returns
+        -------
+        As in `cascadenorm.denoise`: the new vertices for arrays, a copy for objects, the path of a new file for a path.
+
+        Raises
+        ------
+        ParameterError
+            `method` or `model` is given, or another setting is invalid.
+        MeshError
+            The mesh is invalid.
+        OutputError
+            The mesh is a path, and the new file already exists or cannot be written.
         """
         if given := settings.keys() & {"method", "model"}:
             raise ParameterError(f"{given.pop()} is set by the Denoiser: leave it out")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import reported_controls
-from cascadenorm.api.kept_components import Dropped, without_small_components
+from cascadenorm.api.dropped_components import Dropped, without_small_components
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
@@ -297,7 +297,7 @@ def _checked_output(
     """Return the target to write to; raises OutputError if it cannot be written or may not be replaced."""
     if output is None:
         if not isinstance(source, str | PathLike):
-            raise TypeError("a stream has no place for its output: give one")
+            raise TypeError("a stream has no folder for the output: give an output")
         output = beside(Path(source), "denoised")
         check_output(output, force=force)
     elif isinstance(output, str | PathLike):

@@ -48,6 +48,10 @@ def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, sca
     scale
         "area" multiplies the eigenvalues by the area, which removes the effect of size; "keep" leaves them unchanged.
 
+    Returns
+    -------
+    The eigenvalues of each mesh, (count,), and the distance between the two spectra.
+
     Raises
     ------
     MeshError

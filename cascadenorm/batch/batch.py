@@ -22,7 +22,7 @@ from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.settings import settings_of
 from cascadenorm.batch.watching import SCAN, Watched
-from cascadenorm.batch.work import Outcome, Settings, Task, work
+from cascadenorm.batch.work import BatchSettings, Outcome, Task, work
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.execution.cluster import required_folder
 from cascadenorm.execution.memory import USABLE_FRACTION, available_memory, parse_bytes
@@ -165,7 +165,7 @@ def _check_numbers(timeout: float | None, **numbers: float | None) -> None:
 
 
 def _started(
-    settings: Settings, here: Place, workers: int | None, scheduler: str | None, names: list[str | PathLike[str]]
+    settings: BatchSettings, here: Place, workers: int | None, scheduler: str | None, names: list[str | PathLike[str]]
 ) -> Processes:
     """Start processes on this machine, or connect to those of a cluster, which can find the files of these names."""
     if scheduler is None:
@@ -302,13 +302,13 @@ class _Run:
         task = begun.task
         if isinstance(outcome, WorkerError):
             _remove_unfinished([job])
-            outcome = Outcome(status="failed", input_digest=task.digest, error=outcome, then="again")
+            outcome = Outcome(status="failed", input_digest=task.digest, error=outcome, then="retry")
         if outcome.status == "new":
             self._start(begun.place, task, begun.threads, outcome.input_digest)
             return
         self.schedule.end(job)
-        if outcome.then == "again" and self.attempts[job] <= self.retries:
-            self.schedule.again(job)
+        if outcome.then == "retry" and self.attempts[job] <= self.retries:
+            self.schedule.retry(job)
             return
         self._record(task, outcome)
 

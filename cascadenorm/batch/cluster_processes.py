@@ -95,7 +95,7 @@ class ClusterProcesses:
         self._asked: dict[str, Future[Member]] = {}
         self._members: dict[str, Member] = {}
         self._refused: dict[str, str] = {}
-        self._hung: set[str] = set()
+        self._unresponsive: set[str] = set()
         self._busy: dict[Job, tuple[Member, Future[Outcome]]] = {}
         self._ready: SimpleQueue[tuple[Job, Future[Outcome]]] = SimpleQueue()
         self._looked, self._in_use = -POLL_INTERVAL_S, time.monotonic()
@@ -132,7 +132,7 @@ class ClusterProcesses:
         member, future = self._busy.pop(job)
         future.release()
         self._members.pop(member.address, None)
-        self._hung.add(member.process)
+        self._unresponsive.add(member.process)
         Thread(target=self._restart, args=(member.address,), daemon=True).start()
 
     def close(self) -> None:
@@ -184,14 +184,14 @@ class ClusterProcesses:
             if address not in here:
                 self._asked.pop(address).release()
             elif future.done():
-                self._meet(address, self._asked.pop(address))
+                self._add_member(address, self._asked.pop(address))
         self._refused = {address: reason for address, reason in self._refused.items() if address in here}
         self._members = {address: member for address, member in self._members.items() if address in here}
         lost = [job for job, (member, _) in self._busy.items() if member.address not in here]
         self._check_in_use()
         return [(job, self._lost(job)) for job in lost]
 
-    def _meet(self, address: str, future: Future[Member]) -> None:
+    def _add_member(self, address: str, future: Future[Member]) -> None:
         """Accept a worker that has described itself, unless it cannot do the work."""
         try:
             member = future.result(timeout=REPLY_TIMEOUT_S)
@@ -202,7 +202,7 @@ class ClusterProcesses:
         reason = mismatch(member.version, __version__, member.folder, self._folder)
         if reason is not None:
             self._refused[address] = f"it {reason}"
-        elif member.process not in self._hung:
+        elif member.process not in self._unresponsive:
             self._members[address] = member
 
     def _lost(self, job: Job) -> WorkerError:

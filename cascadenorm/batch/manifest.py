@@ -1,4 +1,4 @@
-"""The manifest of a batch: JSON lines, of which the last one of a file counts, `started`, `done` or `failed`."""
+"""The manifest of a batch, in JSON lines. The last line of a file counts: `started`, `done` or `failed`."""
 
 import json
 import sys

@@ -17,7 +17,7 @@ WEB = ("http", "https")
 BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
 """Packages that the extra `cluster` installs."""
 
-SILENCE = 60.0
+RESPONSE_TIMEOUT_S = 60.0
 """Seconds a web server may stay silent; the total duration of a download is not limited."""
 
 WILDCARD = re.compile(r"[*\[]")
@@ -149,7 +149,11 @@ def _options(url: str) -> dict[str, Any]:
         return {}
     import aiohttp
 
-    return {"client_kwargs": {"timeout": aiohttp.ClientTimeout(total=None, sock_connect=SILENCE, sock_read=SILENCE)}}
+    return {
+        "client_kwargs": {
+            "timeout": aiohttp.ClientTimeout(total=None, sock_connect=RESPONSE_TIMEOUT_S, sock_read=RESPONSE_TIMEOUT_S)
+        }
+    }
 
 
 @contextmanager

@@ -55,7 +55,7 @@ class Schedule:
         """Add files to the queue."""
         self._waiting = sorted([*self._waiting, *jobs], key=lambda job: (-job.size, job.source))
 
-    def again(self, job: Job) -> None:
+    def retry(self, job: Job) -> None:
         """Add a file to be retried alone after all others have started."""
         self._alone.append(job)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cascadenorm.batch.work import Settings
+from cascadenorm.batch.work import BatchSettings
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.digests import file_digest, source_digest
@@ -25,7 +25,7 @@ NO_RESULT = ("threads", "progress")
 
 def settings_of(
     method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
-) -> tuple[Settings, int | None, Listener | None]:
+) -> tuple[BatchSettings, int | None, Listener | None]:
     """Check the settings; return them, the number of threads and the listener. Raises ParameterError."""
     every, values = checked_controls(controls), find(method).with_defaults(parameters)
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
@@ -34,7 +34,7 @@ def settings_of(
     if "model" in values:
         parts.append(_weights(method, values["model"]))
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
-    return Settings(method, dict(parameters), given, force, key), every["threads"], every["progress"]
+    return BatchSettings(method, dict(parameters), given, force, key), every["threads"], every["progress"]
 
 
 def _weights(method: str, model: Any) -> str:

@@ -17,13 +17,13 @@ shorter of the last two durations counts, which excludes one-time costs such as 
 class Watched:
     """Files that `find` lists, also named ones that are missing, and that stay unchanged for some seconds of the watch.
 
-    A failed scan, for example of a temporarily unavailable network share or server, does not end the watch. `complain`
+    A failed scan, for example of a temporarily unavailable network share or server, does not end the watch. `report`
     is called with the error of a failed scan, once until a scan succeeds again, and with each file whose result would
     replace that of another.
     """
 
-    def __init__(self, find: Callable[[], list[Job]], seconds: float, complain: Callable[[Exception], object]) -> None:
-        self._find, self._settled, self._complain = find, Settled(seconds), complain
+    def __init__(self, find: Callable[[], list[Job]], seconds: float, report: Callable[[Exception], object]) -> None:
+        self._find, self._settled, self._report = find, Settled(seconds), report
         self._next = self._took = 0.0
         self._in_order = True
         self._owners: dict[str, Job] = {}  # by output
@@ -39,7 +39,7 @@ class Watched:
         took, self._took = self._took, end - begin
         self._next = end + max(SCAN, SCANNING * min(took, self._took))
         if wrong is not None and self._in_order:
-            self._complain(wrong)
+            self._report(wrong)
         self._in_order = wrong is None
         settled = self._settled.take([job for job in found if job.source not in busy])
         return [job for job in settled if self._owns_output(job)]
@@ -51,17 +51,17 @@ class Watched:
         except (ReadError, OSError) as error:
             return [], error
         missing = ", ".join(job.source for job in found if job.changed is None)
-        wrong = ReadError(f"{missing}: not there at present", hint="the watch goes on") if missing else None
+        wrong = ReadError(f"{missing}: not there at present", hint="the watch continues") if missing else None
         return [job for job in found if job.changed is not None], wrong
 
     def _owns_output(self, job: Job) -> bool:
-        """Test that the result of a file replaces no other result; complain once if it would."""
+        """Test that the result of a file replaces no other result; report once that it would."""
         owner = self._owners.setdefault(job.output, job)
         if owner.source == job.source:
             return True
         if job.source not in self._refused:
             self._refused.add(job.source)
-            self._complain(same_output(owner, job))
+            self._report(same_output(owner, job))
         return False
 
 

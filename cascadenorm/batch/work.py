@@ -25,7 +25,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
-class Settings:
+class BatchSettings:
     """Settings that apply to every file of a batch."""
 
     # method, parameters, controls, force: as in `denoise_file`
@@ -57,11 +57,11 @@ class Outcome:
     output_digest: str | None = None
     summary: DenoisingSummary | None = None
     error: Exception | None = None
-    then: Literal["go on", "again", "stop"] = "go on"  # what the batch does after a failure; "stop" if the disk is full
+    then: Literal["continue", "retry", "stop"] = "continue"  # after a failure; "stop" if the disk is full
     seconds: float = 0.0  # total time, including reading and writing
 
 
-def work(settings: Settings, task: Task) -> Outcome:
+def work(settings: BatchSettings, task: Task) -> Outcome:
     """Check or denoise a file; errors are returned as outcomes."""
     start = time.perf_counter()
     try:
@@ -99,7 +99,7 @@ def file_and_buffers_digest(path: Path) -> str:
         raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
-def _checked(settings: Settings, task: Task) -> Outcome:
+def _checked(settings: BatchSettings, task: Task) -> Outcome:
     """Test whether the manifest records the same work for this file and the result still exists."""
     job, line = task.job, task.line
     same = line is not None and line["status"] == "done" and line["settings"] == settings.key
@@ -111,7 +111,7 @@ def _checked(settings: Settings, task: Task) -> Outcome:
     return Outcome(status="kept" if kept else "new", input_digest=digest)
 
 
-def _denoised(settings: Settings, task: Task, start: float) -> Outcome:
+def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
     job = task.job
     with _here(task) as (source, output):
         digest = task.digest or file_and_buffers_digest(source)
@@ -175,7 +175,7 @@ def _exists(name: str) -> bool:
     return exists(name) if is_url(name) else Path(name).is_file()
 
 
-def _check_target(settings: Settings, task: Task) -> None:
+def _check_target(settings: BatchSettings, task: Task) -> None:
     """Raise OutputError if the output exists and was not written by a batch."""
     output = task.job.output
     if is_url(output):
@@ -197,11 +197,11 @@ def _is_ours(task: Task) -> bool:
     return stopped or bool(line["status"] == "started") or _digest(output, task) == line["output_sha256"]
 
 
-def _after(error: Exception, job: Job) -> Literal["go on", "again", "stop"]:
+def _after(error: Exception, job: Job) -> Literal["continue", "retry", "stop"]:
     """Decide what to do after a failure; a file that existed when it was listed may reappear with its network share."""
     cause = error.__cause__ or error
     if isinstance(cause, OSError) and cause.errno in FULL:
         return "stop"
     passing = isinstance(error, MemoryError | ChangedError) or (isinstance(cause, OSError) and cause is not error)
     lasting = isinstance(cause, PermissionError) or (isinstance(cause, FileNotFoundError) and job.changed is None)
-    return "again" if passing and not lasting else "go on"
+    return "retry" if passing and not lasting else "continue"

@@ -4,7 +4,7 @@ import errno
 import math
 import sys
 
-from cascadenorm.cli.options import spelled
+from cascadenorm.cli.options import setting_name
 from cascadenorm.errors import (
     CascadenormError,
     ConfigError,
@@ -48,7 +48,7 @@ def exit_code(error: Exception) -> int:
 def worded(error: Exception) -> str:
     """Return the message of an error, with keyword arguments replaced by command line options."""
     if isinstance(error, CascadenormError):
-        return error.message(spelled)
+        return error.message(setting_name)
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         return f"the output cannot be written: {error.strerror}"
     if isinstance(error, MemoryError):
@@ -66,9 +66,9 @@ def located(name: str, error: Exception) -> str:
 def warn_of_strength(strength: float) -> None:
     """Warn about an unusually large strength."""
     if LARGE_STRENGTH < strength < math.inf:  # infinity is refused
-        complain(f"--strength {strength:g} removes shape as well as noise: 1 is usual, and more than 10 acts as 10")
+        notify(f"--strength {strength:g} removes shape as well as noise: 1 is usual, and more than 10 acts as 10")
 
 
-def complain(message: str) -> None:
+def notify(message: str) -> None:
     """Print a message as one line on stderr."""
     print(f"cascadenorm: {' '.join(message.split())}", file=sys.stderr)

@@ -46,7 +46,7 @@ OTHER_OPTIONS = {
 Command = Callable[..., None]
 
 
-def spelled(name: str, value: object = None) -> str:
+def setting_name(name: str, value: object = None) -> str:
     """Return the command line option of a setting, for messages; parameters of methods keep their names."""
     if name in OPTIONS:
         option = OPTIONS[name].option

@@ -12,7 +12,7 @@ from typing import NoReturn, cast
 import typer
 
 from cascadenorm.cli.commands import app
-from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, complain, exit_code, worded
+from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, exit_code, notify, worded
 from cascadenorm.cli.plain_calls import PlainCall, plain_call
 from cascadenorm.compute.compile_time import tell_of_compiling
 from cascadenorm.execution.signals import repeat_if_swallowed
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):  # file names may contain characters outside the encoding
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    tell_of_compiling(complain)
+    tell_of_compiling(notify)
     code = run(sys.argv[1:] if arguments is None else arguments)
     if _interruptions:  # let a second Ctrl-C end remaining work without a traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -69,14 +69,14 @@ def run(arguments: Sequence[str]) -> int:
             if "No such command" in message and os.path.exists(arguments[0]):
                 message = f"{arguments[0]} is no command: to denoise it, use `cascadenorm denoise {arguments[0]}`"
             command = context.command_path if context else f"cascadenorm {arguments[0]}"
-            complain(f"{message.rstrip('.')} (see `{command} --help`)")
+            notify(f"{message.rstrip('.')} (see `{command} --help`)")
         return USAGE
     except Exception as error:
         if _interruptions:  # libraries may convert an interruption during an import to another error
             return _said_interrupted()
         if os.environ.get("CASCADENORM_TRACEBACK"):
             raise
-        complain(worded(error))
+        notify(worded(error))
         if exit_code(error) == OUTPUT:
             _discard_stdout()
         return exit_code(error)
@@ -105,7 +105,7 @@ def _called(call: PlainCall) -> int:
 
 
 def _said_interrupted() -> int:
-    complain("interrupted; no file was left half written")
+    notify("interrupted; no file was left half written")
     return INTERRUPTED
 
 

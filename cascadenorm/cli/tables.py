@@ -8,7 +8,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, TextIO
 
-from cascadenorm.cli.errors import complain
+from cascadenorm.cli.errors import notify
 from cascadenorm.cli.options import OPTIONS
 from cascadenorm.errors import counted
 
@@ -54,17 +54,17 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
         print(f"controls: {', '.join(chosen)}", file=file)
     if done.dropped_components:
         components = counted(done.dropped_components, "small component")
-        complain(f"dropped: {components} of {counted(done.dropped_faces, 'face')} in all")
+        notify(f"dropped: {components} of {counted(done.dropped_faces, 'face')} in all")
     elif done.components is not None:
         limit = str(done.drop_components).strip()
         size = f"{limit} of the faces of the largest" if "%" in limit else f"{limit} faces"
         others = f", and all except the largest have at least {size}" if done.components > 1 else ""
-        complain(f"dropped nothing: the mesh has {counted(done.components, 'connected component')}{others}")
+        notify(f"dropped nothing: the mesh has {counted(done.components, 'connected component')}{others}")
     if done.left_unchanged:
-        complain(f"left unchanged: {done.left_unchanged}")
+        notify(f"left unchanged: {done.left_unchanged}")
     if done.nearly_coincident:
         near = counted(done.nearly_coincident, "boundary vertex lies", "boundary vertices lie")
-        complain(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
+        notify(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
     print_left_out(done.left_out)
 
 
@@ -77,7 +77,7 @@ def print_new_faults(faults: Mapping[str, tuple[int, int]]) -> None:
     }
     more = [f"{counted(after, *words[name])} ({before} before)" for name, (before, after) in faults.items()]
     if more:
-        complain(f"the result has {', '.join(more)}")
+        notify(f"the result has {', '.join(more)}")
 
 
 def print_batch(done: "Batch", output: str) -> None:
@@ -119,7 +119,7 @@ def _option(name: str, value: object) -> str:
 def print_left_out(losses: Sequence[str]) -> None:
     """Print the content that an output could not keep."""
     for loss in losses:
-        complain(f"left out: {loss}")
+        notify(f"left out: {loss}")
 
 
 def print_inspection(found: "Inspection") -> None:

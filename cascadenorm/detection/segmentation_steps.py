@@ -1,4 +1,4 @@
-"""Detection of the steps of binary masks without known voxels."""
+"""Detection of the steps of binary masks whose voxel size is unknown."""
 
 import numpy as np
 
@@ -23,8 +23,10 @@ CANCELLING_SHARE = 0.2  # least share of bends that cancel within two rings; a s
 IN_PLANES = 0.03  # least fraction of vertices with coplanar faces, as on treads; CAD kernels create no such vertices
 ALL_STEPS = 0.65  # share of cancelling bends above which IN_PLANES is not required, since decimation may be the cause
 ALONG_AXES = 0.98  # least fraction of the area of voxel faces with normals along three perpendicular directions
-# Rounding to single precision stays within a tenth of it; noise of measured surfaces almost always exceeds it.
-COPLANAR = 3e-6  # height above the plane of the adjacent triangle, in diagonals, up to which a vertex is coplanar
+COPLANAR = 3e-6
+"""Height above the plane of the adjacent triangle, in diagonals, up to which a vertex is coplanar.
+
+Rounding to single precision stays within a tenth of it; noise of measured surfaces almost always exceeds it."""
 SMALL_HEIGHT = 1e-3  # upper limit of this height in median edge lengths, for meshes with distant vertices
 
 

@@ -188,12 +188,12 @@ LATEX = {
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
 }
-SYMBOLS = {"E_a": "$E_a$", "E_v": "$E_v$"}
+LATEX_SYMBOLS = {"E_a": "$E_a$", "E_v": "$E_v$"}
 
 
 def _escaped(text: str) -> str:
     """Escape text for LaTeX; symbols of measures become formulas."""
-    for name, formula in SYMBOLS.items():
+    for name, formula in LATEX_SYMBOLS.items():
         if text.startswith(name):
             return formula + _escaped(text[len(name) :])
     return "".join(f"\\{letter}" if letter in "&%$#_{}" else LATEX.get(letter, letter) for letter in text)

@@ -19,6 +19,10 @@ def progress_bar(text: str = "Denoising") -> Iterator[Listener]:
     text
         Label before the bar.
 
+    Yields
+    ------
+    A function of the completed fraction, from 0 to 1.
+
     Raises
     ------
     MissingDependencyError

@@ -55,7 +55,7 @@ def settings_of(values: dict[str, Any], method: str = DEFAULT_METHOD) -> dict[st
     }
 
 
-def spelled(name: str, value: object = None) -> str:
+def setting_name(name: str, value: object = None) -> str:
     """Return the name of a control in a filter, for messages; method parameters keep their names."""
     if name not in CONTROLS:
         return name

@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.errors import CascadenormError
-from cascadenorm.frontends.properties import settings_of, spelled, with_properties
+from cascadenorm.frontends.properties import setting_name, settings_of, with_properties
 from cascadenorm.frontends.vtk_data import denoised
 from cascadenorm.registry import find
 
@@ -82,7 +82,7 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         except CascadenormError as error:
             out.Initialize()
             self.error = error
-            vtkOutputWindow.GetInstance().DisplayErrorText(f"cascadenorm: {error.message(spelled)}\n")
+            vtkOutputWindow.GetInstance().DisplayErrorText(f"cascadenorm: {error.message(setting_name)}\n")
             return 0
         return 1
 

@@ -58,7 +58,12 @@ class Measures:
     volume_ratio: float | None
 
     def formatted(self) -> dict[str, str]:
-        """Return the formatted measures by their descriptions, which end with the units."""
+        """Format the measures for printing.
+
+        Returns
+        -------
+        Formatted numbers by their descriptions, which end with the units.
+        """
         return {
             "mean angle E_a (°)": f"{self.normal_error_deg:.3f}",
             "root mean square angle (°)": f"{self.normal_error_rms_deg:.3f}",

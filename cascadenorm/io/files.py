@@ -202,7 +202,7 @@ def beside(source: Path, what: str) -> Path:
     if source.is_dir():
         raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
     if is_special(source):
-        raise OutputError(f"{source} is a pipe or a device, beside which nothing is written", hint="give an output")
+        raise OutputError(f"{source} is a pipe or a device, which has no folder for the output", hint="give an output")
     return source.with_name(f"{source.stem}_{what}{source.suffix}")
 
 
@@ -246,6 +246,10 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
         (n, 3) numbers. float32 is kept, other types are converted to float64.
     faces
         (m, 3) integers in 0 … n - 1.
+
+    Returns
+    -------
+    The file, as `read` returns one.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import TEXTURE, Content, Labels, Look, from_words
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.sidecar_files import content_beside, file_beside
-from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
+from cascadenorm.io.text.number_format import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
@@ -105,8 +105,8 @@ class ObjFile(MeshFile):
             stored = self._text.numbers(words)
             whole = (stored >= 2).any() and (stored == np.rint(stored)).all()
             values = np.stack([patches.blended(column) for column in stored.T], axis=1)
-            spellings = rows_of(np.rint(values).astype(np.int64) if whole else values.astype(np.float32))
-            rows = [row + b" " + more for row, more in zip(rows, spellings, strict=True)]
+            texts = rows_of(np.rint(values).astype(np.int64) if whole else values.astype(np.float32))
+            rows = [row + b" " + more for row, more in zip(rows, texts, strict=True)]
         lines = [self._text.lines_with(keyword) for keyword in STATES]
         now = [len(of) - 1 for of in lines]  # the last line of each keyword
         states = np.stack([np.searchsorted(of, self._faces[patches.polygons]) - 1 for of in lines], axis=1)

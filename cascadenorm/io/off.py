@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, channels, from_words
-from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
+from cascadenorm.io.text.number_format import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.text.spelling import replace_words
+from cascadenorm.io.text.number_format import replace_words
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import any_in_rows

@@ -42,7 +42,7 @@ class TrimeshFile(MeshFile):
         self._meshes = [g for g in self._scene.geometry.values() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
         if not self._meshes:
             raise ReadError(f"trimesh finds no triangle mesh in this {self.format} file")
-        if not self._scene.graph.nodes_geometry:  # a library, of which the scene shows nothing
+        if not self._scene.graph.nodes_geometry:  # a library of meshes that no scene shows
             self._scene = trimesh.Scene(self._meshes)
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])

@@ -39,7 +39,22 @@ class Mesh:
         self.topology = Topology(self.faces, len(self.vertices))
 
     def moved(self, vertices: Vectors) -> "Mesh":
-        """Return the mesh with other vertex positions; the topology is shared."""
+        """Return the mesh with other vertex positions.
+
+        Parameters
+        ----------
+        vertices
+            (n, 3) finite numbers, which are copied to float64.
+
+        Returns
+        -------
+        A mesh that shares the faces and the topology.
+
+        Raises
+        ------
+        MeshError
+            The array has another shape.
+        """
         mesh = object.__new__(Mesh)
         mesh.vertices = np.array(vertices, np.float64, order="C")
         if mesh.vertices.shape != self.vertices.shape:
@@ -61,7 +76,19 @@ class Mesh:
                 self.__dict__.pop(name, None)
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
-        """Return the mesh as a part of a larger one, with its facts and its `vertex_colors`, (n,); -1 for none."""
+        """Return the mesh as a part of a larger one.
+
+        Parameters
+        ----------
+        groups
+            (n,) group of each vertex in the larger mesh, used by `Topology.vertex_colors`; -1 for none.
+        facts
+            As in `with_facts`.
+
+        Returns
+        -------
+        A mesh with the same vertices and faces.
+        """
         mesh = Mesh(self.vertices, self.faces)
         mesh.topology.__dict__["vertex_colors"] = grouped(groups)
         return mesh.with_facts(**facts)
@@ -69,7 +96,14 @@ class Mesh:
     def with_facts(self, **facts: float) -> "Mesh":
         """Return the mesh with some of its properties replaced by those of a larger mesh that it is a part of.
 
-        They are any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`.
+        Parameters
+        ----------
+        facts
+            Any of `mean_edge_length`, `median_edge_length`, `median_area` and `diagonal`, in units of the vertices.
+
+        Returns
+        -------
+        A mesh that shares the faces and the topology.
         """
         mesh = self.moved(self.vertices)
         mesh.__dict__.update(facts)
@@ -127,7 +161,17 @@ class Mesh:
         return unit(self.area_vectors)
 
     def sums_around(self, values: Floats) -> Floats:
-        """Sum the values of the faces, (m, …), around each vertex, (n, …)."""
+        """Sum the values of the faces around each vertex.
+
+        Parameters
+        ----------
+        values
+            (m, …) numbers.
+
+        Returns
+        -------
+        (n, …) float64; 0 at vertices without a face.
+        """
         out = np.empty((len(self.vertices), *values.shape[1:]))
         columns = math.prod(values.shape[1:])
         parallel_for(

@@ -69,17 +69,17 @@ def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
     return _columns([(given.label, measures.formatted()) for given, measures in measured])
 
 
-class Settings(NamedTuple):
+class SettingRows(NamedTuple):
     """Rows of the parameters and controls: those that differ from their defaults, and the others; both with a head."""
 
     changed: Rows
     usual: Rows
 
 
-def settings(done: DenoisingSummary) -> Settings:
+def settings(done: DenoisingSummary) -> SettingRows:
     """Return every parameter of the method and every control, with its value, its default and its meaning."""
     head = ("", "value", "default", "meaning")
-    found = Settings([head], [head])
+    found = SettingRows([head], [head])
     listed = [(one, done.parameters.get(one.name, one.default)) for one in find(done.method).given_by_name]
     listed += [(CONTROLS[name], value) for name, value in {"strength": done.strength, **done.controls}.items()]
     for setting, value in listed:

@@ -27,7 +27,7 @@ OWN = "values"
 """Name of the values that a caller gives."""
 PICTURE, SMALL = 420, 280
 """Size of each still picture of a view, and of that of a mesh, in pixels."""
-MOST_FACES = 300_000
+MOST_FACES_IN_CELL = 300_000
 """Largest number of faces for which a cell that shows a mesh draws a picture."""
 
 
@@ -89,7 +89,7 @@ def described(mesh: Mesh) -> str:
         f"bounding box {' × '.join(f'{side:.4g}' for side in np.ptp(mesh.vertices, axis=0))}"
     )
     picture = ""
-    if len(mesh.faces) <= MOST_FACES:
+    if len(mesh.faces) <= MOST_FACES_IN_CELL:
         with suppress(MeshError):
             (scaled,) = scaled_alike(mesh)
             data = b64encode(png(render(scaled, size=(SMALL, SMALL), transparent=True))).decode("ascii")

@@ -23,7 +23,7 @@ class Steps(NamedTuple):
 
 
 def in_steps(values: NDArray[np.float64], steps: int = STEPS) -> Steps:
-    """Round values, of which NaN are none, to steps of 1 / `steps` of their usual range.
+    """Round values to steps of 1 / `steps` of their usual range; NaN marks unknown values.
 
     The step is longer where the largest value would need more than CODES, so no value is cut off.
     """

@@ -16,7 +16,7 @@ AT_FACES = {
 """Findings that are located at faces; the others are at vertices or edges."""
 
 
-class Place(NamedTuple):
+class DefectPlace(NamedTuple):
     """The place of a defect."""
 
     # mesh, finding, label: names of the mesh and the finding, and a label such as "face 17"
@@ -27,7 +27,7 @@ class Place(NamedTuple):
     radius: float  # radius of the defect in mesh units
 
 
-def places(given: Given, found: Inspection) -> list[Place]:
+def places(given: Given, found: Inspection) -> list[DefectPlace]:
     """Return the places listed by an inspection that have finite positions."""
     positions = vertex_array(given.file.positions)
     listed = []
@@ -39,7 +39,7 @@ def places(given: Given, found: Inspection) -> list[Place]:
                 middle = (points / len(points)).sum(axis=0)  # sums and squares of huge coordinates would overflow
                 radius = float(np.hypot.reduce(points - middle, axis=1).max())
                 label = _label(name, number)
-                listed.append(Place(given.key, name, label, tuple(middle.tolist()), radius))
+                listed.append(DefectPlace(given.key, name, label, tuple(middle.tolist()), radius))
     return listed
 
 

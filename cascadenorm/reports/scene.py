@@ -10,10 +10,10 @@ from cascadenorm.geometry.fields import Field, fields
 from cascadenorm.io.content import CHANNELS, channels
 from cascadenorm.mesh import Floats, Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
-from cascadenorm.reports.display import MOST_FACES, Display, display
+from cascadenorm.reports.decimation import MOST_FACES, Display, display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.packing import STEPS, in_steps, packed, packed_faces
-from cascadenorm.reports.places import Place
+from cascadenorm.reports.places import DefectPlace
 
 FORMAT = 1
 LEVELS, FINE_LEVELS = (1 << 16) - 1, (1 << 24) - 1
@@ -56,7 +56,7 @@ class _Drawn(NamedTuple):
     codes: NDArray[np.int64]
 
 
-def scene(shown: Sequence[Given], places: Sequence[Place], *, own: Field | None = None) -> dict[str, Any]:
+def scene(shown: Sequence[Given], places: Sequence[DefectPlace], *, own: Field | None = None) -> dict[str, Any]:
     """Pack meshes, the quantities on them, values given by the caller, and places of defects.
 
     Positions are quantised to LEVELS or FINE_LEVELS along each direction of the bounding box of all meshes. A mesh with

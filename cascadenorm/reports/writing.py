@@ -20,7 +20,7 @@ from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
 from cascadenorm.reports.page import code, folded, listed, page, table
-from cascadenorm.reports.places import Place, places
+from cascadenorm.reports.places import DefectPlace, places
 from cascadenorm.reports.scene import scene
 
 PICTURE = 560
@@ -111,7 +111,7 @@ def report(
 def report_denoised(
     output: str | PathLike[str], denoised: Denoised, *, truth: Any = None, force: bool = False
 ) -> Contents:
-    """Write a report on what `denoised_file` did."""
+    """Write a report on the result of `denoise_file_with_meshes`."""
     summary, before, after = denoised
     shown = Given("before", summary.source, before), Given("after", summary.output, after)
     return report(output, *shown, truth=truth, summary=summary, force=force)
@@ -143,7 +143,7 @@ def _sections(
     inspected: Inspected,
     measured: Measured,
     done: DenoisingSummary | None,
-    found: Sequence[Place],
+    found: Sequence[DefectPlace],
 ) -> list[tuple[str, str]]:
     """Return the titles and the HTML of what stands below the viewer."""
     warnings = facts.warnings(done, inspected)
@@ -181,7 +181,7 @@ def _undrawn(alone: Given) -> str | None:
     return None
 
 
-def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[Place]) -> str:
+def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequence[DefectPlace]) -> str:
     """Return the defects of a mesh with their first places, which the viewer turns into buttons."""
     rows = []
     for name, finding in found.findings.items():

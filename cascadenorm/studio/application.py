@@ -14,11 +14,11 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Route
 
 from cascadenorm.errors import CascadenormError, ParameterError
-from cascadenorm.studio.names import plain_name, spelled
+from cascadenorm.studio.names import plain_name, setting_name
 from cascadenorm.studio.session import RequestFailed, Session
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
-MOST_LETTERS = 1 << 20
+MOST_BYTES = 1 << 20
 """Largest size of a JSON request, in bytes."""
 MOST_TICKET = 100
 """Largest length of the ticket by which a page identifies its request."""
@@ -85,7 +85,7 @@ class Application:
             except RequestFailed as error:
                 return Json(error.content, 400)
             except CascadenormError as error:
-                return Json({"error": error.message(spelled)}, 413 if isinstance(error, TooLarge) else 400)
+                return Json({"error": error.message(setting_name)}, 413 if isinstance(error, TooLarge) else 400)
 
         return answering
 
@@ -232,7 +232,7 @@ async def _body(request: Request, most: int) -> bytes:
 
 
 async def _json(request: Request) -> dict[str, Any]:
-    text = await _body(request, MOST_LETTERS)
+    text = await _body(request, MOST_BYTES)
     try:
         given = json.loads(text)
         json.dumps(given, ensure_ascii=False).encode()  # refuses half of a surrogate pair, which no file name can hold

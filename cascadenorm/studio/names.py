@@ -17,7 +17,7 @@ def plain_name(name: object) -> str:
     return text
 
 
-LABELS = {
+SETTING_LABELS = {
     "mask": "Displacement weights",
     "fixed": "Fixed vertices",
     "only": "Restrict to faces",
@@ -33,9 +33,9 @@ LABELS = {
 
 
 def label(name: str) -> str:
-    return LABELS.get(name, name.replace("_", " ").capitalize())
+    return SETTING_LABELS.get(name, name.replace("_", " ").capitalize())
 
 
-def spelled(name: str, value: object = None) -> str:
+def setting_name(name: str, value: object = None) -> str:
     """Return the form's label of a setting in quotes, for messages, with a value where one is given."""
     return f"“{label(name)}”" if value is None else f"“{label(name)}”: {value}"

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry.controls import Controls
-from cascadenorm.reports.display import Display
+from cascadenorm.reports.decimation import Display
 
 FREE, PINNED = 0, 255
 """Codes of unpainted vertices, which move, and of pinned ones. Codes 1 … 101 are weights of 0 … 100 %."""

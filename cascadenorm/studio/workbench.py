@@ -20,7 +20,7 @@ from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.mesh import Mesh, Vectors, in_frame, limit_threads, without_lines
 from cascadenorm.registry.controls import CONTROLS, Controls, parsed_length
-from cascadenorm.reports.display import Display, display
+from cascadenorm.reports.decimation import Display, display
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.scene import Comparison, scene
 from cascadenorm.studio.painting import over_painted, with_paint
@@ -52,7 +52,7 @@ class Result(NamedTuple):
     treated_as: str | None
 
 
-class Steps(NamedTuple):
+class KnownSteps(NamedTuple):
     """Results of a method on the whole and the coarse mesh, and `removed`, as for `run_with_controls`."""
 
     whole: list[Vectors]
@@ -121,7 +121,7 @@ class Workbench:
         self.scenes = Comparison(Given("before", self.name, self.file))
         self.paint = np.zeros(len(self.mesh.vertices), np.uint8)
         self._results: dict[str, Result] = {}
-        self._steps: dict[float, Steps] = {}
+        self._steps: dict[float, KnownSteps] = {}
         self._steps_key = ""
 
     @cached_property
@@ -214,13 +214,15 @@ class Workbench:
     def _key(self, settings: dict[str, Any]) -> str:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())
 
-    def _steps_of(self, asked: Chosen) -> Steps:
-        """Return the known results of these settings, of which strengths are blends; others are dropped."""
+    def _steps_of(self, asked: Chosen) -> KnownSteps:
+        """Return the known results of these settings, whatever the strength, which blends them; drop all others."""
         others = {name: value for name, value in asked.given.items() if name != "strength"}
         key = self._key({"method": asked.method.name, "parameters": asked.parameters, "controls": others})
         if key != self._steps_key:
             self._steps_key, self._steps = key, {}
         step = step_key(asked.method, asked.controls["strength"])
         if step not in self._steps:
-            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: Steps([], [], [])}
+            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {
+                step: KnownSteps([], [], [])
+            }
         return self._steps[step]

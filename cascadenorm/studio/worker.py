@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from cascadenorm.errors import CascadenormError, OutputError, ParameterError, WorkerError
 from cascadenorm.execution.worker_processes import Worker
-from cascadenorm.studio.names import spelled
+from cascadenorm.studio.names import setting_name
 
 INTERVAL = 0.1
 """Seconds between two reports of progress."""
@@ -114,7 +114,7 @@ def _reply(request: Request, done: Callable[..., Any], reports: "_Reports") -> R
 
 def _about(error: CascadenormError) -> dict[str, Any]:
     """Return the message of an error, and which files or setting it is about."""
-    told: dict[str, Any] = {"error": error.message(spelled), "remedy": error.remedy}
+    told: dict[str, Any] = {"error": error.message(setting_name), "remedy": error.remedy}
     if isinstance(error, ParameterError):
         told["parameter"] = error.parameter
     if isinstance(error, OutputError):

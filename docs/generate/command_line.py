@@ -47,7 +47,7 @@ def _controls() -> list[tuple[str, str, str]]:
 def _row(parameter: inspect.Parameter, kind: Any, about: Any) -> tuple[str, str, str]:
     """Return an option as it is written, its meaning and its default."""
     shown = "" if parameter.default in (None, False, inspect.Parameter.empty) else f"`{parameter.default}`"
-    return _spelled(parameter.name, kind, about), about.help, shown
+    return _option_text(parameter.name, kind, about), about.help, shown
 
 
 def _command(command: Any) -> Iterator[str]:
@@ -74,7 +74,7 @@ def _command(command: Any) -> Iterator[str]:
         yield f"It also has the [controls](#controls) {known}.\n"
 
 
-def _spelled(name: str, kind: Any, about: Any) -> str:
+def _option_text(name: str, kind: Any, about: Any) -> str:
     """Return an option as it is written, with the value that it needs."""
     declared = [about.default, *(about.param_decls or ())]  # typer takes the first name for a default
     named = [text for text in declared if isinstance(text, str) and text.startswith("-")]

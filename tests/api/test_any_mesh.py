@@ -2,7 +2,8 @@
 
 import pickle
 from dataclasses import replace
-from inspect import isfunction
+from inspect import isfunction, signature
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,6 +99,7 @@ def test_a_mesh_of_any_kind_gives_the_same(name, kind, tmp_path):
 def test_functions_of_geometry_take_paths_and_are_found_by_other_processes(name, tmp_path):
     cn.write(MESH, tmp_path / "mesh.ply")
     function = getattr(cn, name)
+    assert next(iter(signature(function).parameters.values())).annotation is Any
     assert pickle.loads(pickle.dumps(function)) is function
     np.testing.assert_array_equal(FUNCTIONS[name](tmp_path / "mesh.ply", None), FUNCTIONS[name](MESH, None))
 

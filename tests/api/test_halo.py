@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
@@ -84,6 +85,17 @@ def test_flipped_faces_and_controls_are_those_of_the_whole():
     rounded = Mesh(single, faces)
     out, _ = in_patches(rounded, cn.Whole.of(single, faces), "taubin", dtype=np.float32)
     assert out.tobytes() == expected.tobytes()
+
+
+def test_the_whole_may_be_a_mesh_of_any_kind(tmp_path):
+    path = tmp_path / "ball.ply"
+    cn.write(BALL, path)
+    expected, faces = cn.Whole.of(BALL.vertices, BALL.faces), BALL.faces
+    for mesh in (BALL, (BALL.vertices, faces), trimesh.Trimesh(BALL.vertices, faces, process=False), path):
+        found = cn.Whole.of(mesh)
+        assert found.receptive_field("taubin") == expected.receptive_field("taubin")
+        assert found.mean_edge_length == expected.mean_edge_length
+        assert found.group.tobytes() == expected.group.tobytes()
 
 
 def test_a_shuffled_mesh_agrees_to_rounding():

@@ -1,5 +1,7 @@
 """Regions in meshes and files of their own: shared walls stay shared, and all is as in one mesh of walls."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -74,6 +76,12 @@ def test_controls_over_the_vertices_of_one_mesh_are_refused(halves):
     _, first, second, *_ = halves
     with pytest.raises(cn.ParameterError, match="applies to a single mesh"):
         cn.denoise_regions([first, second], fixed=[0, 1])
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_paths_are_refused_with_the_function_for_files(kind):
+    with pytest.raises(cn.ParameterError, match=r"left.ply is a path: for files call denoise_region_files"):
+        cn.denoise_regions([kind("left.ply")])
 
 
 def test_no_meshes_are_refused():

@@ -11,7 +11,7 @@ import pytest
 from shapes import icosphere, noisy
 
 from cascadenorm import denoise
-from cascadenorm.baselines import iterated_bilateral
+from cascadenorm.baselines import bilateral_lanes, iterated_bilateral
 from cascadenorm.baselines.bilateral_lanes import equals
 from cascadenorm.baselines.iterated_bilateral import _filter_face, iterated_bilateral_normals
 
@@ -88,3 +88,10 @@ def test_vectors_are_taken_only_if_they_equal_the_plain_loops():
 
     assert equals(_filter_face)
     assert not equals(other)
+
+
+@pytest.mark.parametrize("fault", [lambda plain: False, None], ids=["other bytes", "not callable"])
+def test_a_fallback_to_plain_loops_warns(monkeypatch, fault):
+    monkeypatch.setattr(bilateral_lanes, "equals", fault)
+    with pytest.warns(RuntimeWarning, match="learned methods take longer"):
+        assert iterated_bilateral._compiled(*range(7)) is _filter_face

@@ -62,7 +62,7 @@ def at_done(count: int, action: str) -> list[str]:
 import multiprocessing, os
 from cascadenorm.batch.manifest import Manifest
 from cascadenorm.execution import worker_processes
-worker_processes.GRACE = 24 * 3600.0  # which processes under load need to remove their temporary files
+worker_processes.TERMINATION_TIMEOUT_S = 24 * 3600.0  # which processes under load need to remove their temporary files
 add, done = Manifest.add, []
 
 def add_and_act(self, line):

@@ -212,10 +212,10 @@ def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_a
         Thread(target=server.serve_forever, daemon=True).start()
         url = f"http://127.0.0.1:{server.server_port}/0.ply"
         with monkeypatch.context() as patch, pytest.raises(ReadError, match=r"0\.ply cannot be read"):
-            patch.setattr(remote_files, "SILENCE", 0.5)
+            patch.setattr(remote_files, "RESPONSE_TIMEOUT_S", 0.5)
             remote_files.fetched(url, tmp_path / "first")
         given_up.set()
-        monkeypatch.setattr(remote_files, "SILENCE", 24 * 3600.0)
+        monkeypatch.setattr(remote_files, "RESPONSE_TIMEOUT_S", 24 * 3600.0)
         assert remote_files.fetched(url, tmp_path / "second").read_bytes() == (tmp_path / "scans/a/0.ply").read_bytes()
         server.shutdown()
 

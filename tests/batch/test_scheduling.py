@@ -15,7 +15,7 @@ def test_files_run_side_by_side_as_far_as_memory_goes():
     assert schedule.next([place]) == (place, small, 1)  # the one in the middle does not fit beside it
     assert schedule.next([place]) is None and schedule.left == 3
     schedule.end(large)
-    schedule.again(large)
+    schedule.retry(large)
     assert schedule.next([place]) == (place, middle, 1)
     schedule.end(small)
     assert schedule.next([place]) is None
@@ -42,7 +42,7 @@ def test_a_file_goes_where_it_fits_and_to_the_largest_place_when_tried_again():
     assert schedule.next([narrow, wide]) == (narrow, small, 8)
     assert schedule.next([narrow, wide]) is None and schedule.next([]) is None
     schedule.end(small)
-    schedule.again(small)
+    schedule.retry(small)
     assert schedule.next([narrow, wide]) is None
     schedule.end(huge)
     assert schedule.next([narrow, wide]) == (wide, large, 2)

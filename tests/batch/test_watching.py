@@ -33,7 +33,7 @@ def test_a_watch_goes_on_when_its_folder_is_gone_for_a_while_and_where_results_w
     with watching("in", "-o", "out", "--format", "stl", "--watch", "0.5") as process:
         wait_for(lambda: done_so_far(place / "out") == 1, process)
         (place / "in").rename(place / "away")
-        assert process.stderr.readline() == "cascadenorm: in: not there at present: the watch goes on\n"
+        assert process.stderr.readline() == "cascadenorm: in: not there at present: the watch continues\n"
         save_mesh(place / "away" / "0.obj", BALL)
         (place / "later.ply").rename(place / "away" / "later.ply")
         time.sleep(1.5)

@@ -23,12 +23,12 @@ def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
     assert checked.status == "new"
     save_mesh(place / "a" / "0.ply", noisy(BALL, 0.1), force=True)
     found = work(settings, task._replace(checked=True, digest=checked.input_digest))
-    assert (found.status, found.then) == ("failed", "again") and "changed while it was read" in str(found.error)
+    assert (found.status, found.then) == ("failed", "retry") and "changed while it was read" in str(found.error)
     assert not (place / "out" / "a" / "0.ply").exists()
     missing = work(settings, Task(Job("a/1.ply", "out/a/1.ply", 0, None), None))
-    assert (missing.status, missing.then) == ("failed", "go on")
+    assert (missing.status, missing.then) == ("failed", "continue")
     gone = work(settings, Task(Job("a/1.ply", "out/a/1.ply", 10, 5), None))  # since it was listed
-    assert (gone.status, gone.then) == ("failed", "again")
+    assert (gone.status, gone.then) == ("failed", "retry")
     assert str(missing.error) == "a/1.ply does not exist: check the name"
 
 

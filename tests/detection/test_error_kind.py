@@ -1,6 +1,9 @@
 """The kind of error is told from meshes whose error is known."""
 
+import re
 from functools import partial
+from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from cascadenorm.cli import run
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.noise.sensor import laser_displacements
 from cascadenorm.data_gen.scanning.volumes import surface_nets
-from cascadenorm.detection.error_kind import correlation_length, error_kind
+from cascadenorm.detection.error_kind import ErrorKind, NameOfKind, correlation_length, error_kind
 from cascadenorm.detection.segmentation_steps import is_segmentation
 from cascadenorm.detection.voxel_lattice import lattice_of_grey_values, lattice_of_mask
 from cascadenorm.io.interop import save_mesh
@@ -171,3 +174,12 @@ def test_a_segmentation_with_an_edge_of_length_zero_is_told_by_its_steps(extract
     assert is_segmentation(mesh) and is_segmentation(collapsed)
     assert inspect(collapsed).error.kind == "segmentation"
     assert np.isfinite(cn.denoise(vertices, mesh.faces)).all()
+
+
+def test_each_kind_has_its_own_description_and_is_documented():
+    kinds = get_args(NameOfKind)
+    found = {str(ErrorKind(kind=kind, sure=True, size=0.2, length=2.0, voxel=None)) for kind in kinds}
+    assert len(found) == len(kinds)
+    page = (Path(__file__).parents[2] / "docs" / "json.md").read_text(encoding="utf-8")
+    (row,) = re.findall(r"^\| `kind` \|.*", page, re.MULTILINE)
+    assert [kind for kind in kinds if f"`{kind}`" not in row] == []

@@ -7,7 +7,7 @@ import pytest
 from shapes import cube, icosphere
 
 import cascadenorm as cn
-from cascadenorm.api.kept_components import without_small_components
+from cascadenorm.api.dropped_components import without_small_components
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.small_components import component_limit, small_components

@@ -275,7 +275,7 @@ def test_text_around_moved_numbers_stays(name):
             assert old == new
 
 
-def test_only_coordinates_that_differ_are_respelled():
+def test_only_coordinates_that_differ_are_written_anew():
     file = read(PLY_TEXT)
     vertices = file.mesh.vertices.copy()
     vertices[0, 0] = 0.1

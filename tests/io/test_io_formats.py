@@ -1,4 +1,4 @@
-"""What single formats promise: seams stay closed, normals follow, each spelling is understood."""
+"""What single formats promise: seams stay closed, normals follow, every way to write a value is read."""
 
 import json
 import zipfile

@@ -99,4 +99,4 @@ def test_meshes_come_from_named_pipes(tmp_path, command):
 def test_a_pipe_has_no_place_for_an_output_beside_it(tmp_path, capsys):
     os.mkfifo(tmp_path / "pipe")
     assert run(["denoise", str(tmp_path / "pipe")]) == 5
-    assert "is a pipe or a device, beside which nothing is written: give an output" in capsys.readouterr().err
+    assert "is a pipe or a device, which has no folder for the output: give an output" in capsys.readouterr().err

@@ -106,7 +106,7 @@ def test_every_mesh_describes_itself(mesh):
 
 
 def test_a_large_mesh_describes_itself_in_words(monkeypatch):
-    monkeypatch.setattr(notebook, "MOST_FACES", 100)
+    monkeypatch.setattr(notebook, "MOST_FACES_IN_CELL", 100)
     assert "<img" not in ROUGH._repr_html_() and "1,280 faces" in ROUGH._repr_html_()
     assert "<img" in cube(2)._repr_html_()
 

@@ -21,7 +21,7 @@ from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.reports import report_denoised
-from cascadenorm.reports.display import display
+from cascadenorm.reports.decimation import display
 from cascadenorm.reports.facts import command_line, python_call
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.packing import in_steps, packed, packed_faces

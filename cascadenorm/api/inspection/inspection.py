@@ -192,6 +192,10 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     self_intersections
         Whether to look for faces that cross each other. None does so for up to MOST_FACES_CROSSED faces.
 
+    Returns
+    -------
+    Counts, locations of the defects, sizes in mesh units, and the estimated noise in mean edge lengths.
+
     Raises
     ------
     ReadError

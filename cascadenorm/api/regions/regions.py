@@ -1,7 +1,7 @@
 """Denoise several meshes whose walls coincide, such as segmented regions."""
 
 from collections.abc import Sequence
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -49,14 +49,19 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
 
     Raises
     ------
-    MeshError, ParameterError
+    MeshError
         As in `denoise`.
+    ParameterError
+        As in `denoise`; also if a mesh is a path, or a control has one value per vertex, face or edge.
     """
     controls = checked_controls({name: parameters.pop(name) for name in CONTROLS if name in parameters})
     for name in ("mask", "fixed", "only", "creases"):
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("applies to a single mesh, and several are given", parameter=name)
+    for mesh in meshes:
+        if isinstance(mesh, str | PathLike):
+            raise ParameterError(f"{fspath(mesh)} is a path", hint="for files call denoise_region_files")
     every = [SeamlessMesh.of(mesh, isolate=controls["on_bad"] == "isolate") for mesh in meshes]
     with limit_threads(controls["threads"]):
         moved = _denoise_together(find(method), [Region(one.mesh, controls, one.dtype) for one in every], parameters)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.errors import PARTLY, complain, located, warn_of_strength, worded
+from cascadenorm.cli.errors import PARTLY, located, notify, warn_of_strength, worded
 from cascadenorm.cli.options import (
     Force,
     JsonOption,
@@ -105,7 +105,7 @@ def denoise(
             drop_components=drop_components,
             memory=memory,
             scheduler=scheduler,
-            on_short=lambda why: complain(f"{source}: {why}: it is denoised in patches (docs/patches.md)"),
+            on_short=lambda why: notify(f"{source}: {why}: it is denoised in patches (docs/patches.md)"),
             progress=progress,
             **controls,
         )
@@ -119,7 +119,7 @@ def denoise(
     else:
         tables.print_denoised(done, file=out)
         if controls["volume"] == "keep" and not closed_parts(denoised.before.mesh).total:
-            complain("--keep-volume had no effect: no component of the mesh is closed")
+            notify("--keep-volume had no effect: no component of the mesh is closed")
         tables.print_new_faults(new_faults(*meshes))
         if report is not None:
             print(f"report: {report}", file=out)
@@ -202,7 +202,7 @@ def batch(
             watch=watch,
             scheduler=scheduler,
             manifest=manifest,
-            on_failure=lambda failure: complain(located(failure.source, failure.error)),
+            on_failure=lambda failure: notify(located(failure.source, failure.error)),
             progress=progress,
             **controls,
         )

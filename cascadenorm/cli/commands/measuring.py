@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 import typer
 
 from cascadenorm.cli.app import app
-from cascadenorm.cli.errors import PARTLY, complain, worded
+from cascadenorm.cli.errors import PARTLY, notify, worded
 from cascadenorm.cli.options import (
     Force,
     JsonOption,
@@ -222,9 +222,9 @@ def _print_results(done: "Evaluation", *, as_json: bool) -> None:
 
     for measured in done.results:
         if not measured.same_faces:
-            complain(f"{measured.pair}, {measured.method}: faces differ from clean.*; compared with the nearest faces")
+            notify(f"{measured.pair}, {measured.method}: faces differ from clean.*; compared with the nearest faces")
     for failure in done.failures:
-        complain(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {worded(failure.error)}")
+        notify(f"{failure.pair}{f', {failure.method}' if failure.method else ''}: {worded(failure.error)}")
     if as_json:
         failures = [{"pair": f.pair, "method": f.method, "message": worded(f.error)} for f in done.failures]
         rows = {"results": [one.row() for one in done.results], "means": [one.row() for one in done.means]}

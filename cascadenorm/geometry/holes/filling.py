@@ -50,6 +50,10 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, ou
         "keep" preserves the outer boundary of an open surface, such as a scan from one side: the longest boundary of a
         component, if it is longer than that of a hemisphere of the same area. "fill" fills it like a hole.
 
+    Returns
+    -------
+    The mesh with the added vertices and faces.
+
     Raises
     ------
     ParameterError

@@ -37,6 +37,10 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
         Number of samples, chosen by farthest point sampling. None uses 3 k, but at least 1,000. Every connected
         component gets a sample. If the samples are a third of the vertices or more, exact eigenpairs are computed.
 
+    Returns
+    -------
+    k pairs: eigenvalues (k,) ascending in 1 / length², eigenvectors (n, k), and the masses of the vertices, (n,).
+
     Raises
     ------
     ParameterError

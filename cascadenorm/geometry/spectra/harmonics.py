@@ -59,7 +59,8 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
 
     Returns
     -------
-    k pairs. Eigenvectors are 0 at vertices without a face, and their entry of largest absolute value is positive.
+    k pairs: eigenvalues (k,) ascending in 1 / length², eigenvectors (n, k), and the masses of the vertices, (n,).
+    Eigenvectors are 0 at vertices without a face, and their entry of largest absolute value is positive.
 
     Raises
     ------
@@ -112,6 +113,11 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.fl
     Returns
     -------
     (count,) eigenvalues, ascending, with a 0 for each connected component.
+
+    Raises
+    ------
+    ParameterError
+        `count` is out of range.
     """
     values = manifold_harmonics(mesh, count).values
     return values * mesh.area if scale == "area" else values

@@ -16,7 +16,7 @@ from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
 from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
 from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
-from cascadenorm.io.text.spelling import replace_words
+from cascadenorm.io.text.number_format import replace_words
 from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.text.tokenizer import splice
 from cascadenorm.mesh.normals import Normals

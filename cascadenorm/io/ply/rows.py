@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.io.ply.header import NAMES, Element
-from cascadenorm.io.text.spelling import rows_of
+from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import blocks
 from cascadenorm.mesh.polygons import Polygons
 

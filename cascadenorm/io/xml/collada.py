@@ -11,7 +11,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Labels, Look, as_bytes
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
-from cascadenorm.io.text.spelling import lines_of, replace_words
+from cascadenorm.io.text.number_format import lines_of, replace_words
 from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.xml.collada_nodes import instances
 from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of

@@ -9,6 +9,7 @@ from cascadenorm import io
 from cascadenorm.geometry.small_components import small_components
 from cascadenorm.io.files import extensible
 from cascadenorm.io.interop import mesh_of_file
+from cascadenorm.mesh.polygons import Polygons
 
 
 class Dropped(NamedTuple):
@@ -54,7 +55,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     left = replace(
         left,
         positions=content.positions[~unused],
-        polygons=left.polygons._replace(corners=(np.cumsum(~unused) - 1)[left.polygons.corners]),
+        polygons=Polygons(left.polygons.indptr, (np.cumsum(~unused) - 1)[left.polygons.corners]),
         vertex_values={key: values[~unused] for key, values in content.vertex_values.items()},
     )
     kind = type(own)

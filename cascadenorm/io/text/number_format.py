@@ -38,9 +38,9 @@ def replace_words(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator
             count = np.count_nonzero(own)
             if not count:
                 continue
-            spelled, first, after = _spelled(values[:count])
+            numbers, first, after = _formatted(values[:count])
             begins[own], stops[own] = first + len(letters), after + len(letters)
-            letters, waiting[table] = letters + spelled, values[count:]
+            letters, waiting[table] = letters + numbers, values[count:]
 
         # Copy the text up to the last of these words.
         starts, ends = text.starts[block][replaced] - last, text.ends[block][replaced] - last
@@ -52,7 +52,7 @@ def replace_words(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator
     yield memoryview(text.data)[last:]
 
 
-def _spelled(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
+def _formatted(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
     """Format (k,) numbers. Returns letters, and where in them each number begins and stops."""
     letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # strip [ and ]
     stops = np.empty(len(values), np.int64)

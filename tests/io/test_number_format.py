@@ -1,14 +1,14 @@
-"""Numbers as text: the fewest digits that give them back, laid out as Python does."""
+"""Numbers as text: the fewest digits that restore their value, in the layout of Python."""
 
 import numpy as np
 import pytest
 
-from cascadenorm.io.text.spelling import lines_of, replace_words, rows_of
+from cascadenorm.io.text.number_format import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text
 
 
-def spelled(values):
-    """Spell numbers in place of the words of a text."""
+def formatted(values):
+    """Format numbers in place of the words of a text."""
     return b"".join(replace_words(Text(b"x " * len(values)), (np.arange(len(values)), values))).split()
 
 
@@ -36,14 +36,14 @@ def of_all_sizes(kind):
     )
 
 
-def test_doubles_are_spelled_as_python_does():
+def test_doubles_are_formatted_as_python_does():
     values = of_all_sizes(np.float64)
-    assert spelled(values) == [repr(value).encode() for value in values.tolist()]
+    assert formatted(values) == [repr(value).encode() for value in values.tolist()]
 
 
 def test_single_precision_takes_the_fewest_digits():
     values = of_all_sizes(np.float32)
-    words = spelled(values)
+    words = formatted(values)
     assert np.array_equal(np.array([float(word) for word in words], np.float32), values, equal_nan=True)
     for value, word in zip(values[np.isfinite(values)], np.array(words)[np.isfinite(values)].tolist(), strict=True):
         shortest = np.format_float_scientific(value, unique=True, trim="-")
@@ -54,8 +54,8 @@ def test_single_precision_takes_the_fewest_digits():
 
 def test_whole_numbers():
     values = np.array([0, 7, -7, 10, 99, 100, -(2**63), 2**63 - 1])
-    assert spelled(values) == [b"%d" % value for value in values.tolist()]
-    assert spelled(np.array([0, 255], np.uint8)) == [b"0", b"255"]
+    assert formatted(values) == [b"%d" % value for value in values.tolist()]
+    assert formatted(np.array([0, 255], np.uint8)) == [b"0", b"255"]
 
 
 @pytest.mark.parametrize("keyword", [b"", b"v"])
@@ -67,7 +67,7 @@ def test_tables_side_by_side(keyword):
     assert rows_of(np.zeros((0, 3))) == []
 
 
-def test_long_tables_are_spelled_in_parts():
+def test_long_tables_are_formatted_in_parts():
     table = np.arange(600_000).reshape(-1, 2)
     assert lines_of(b"f", table) == b"".join(b"f %d %d\n" % tuple(row) for row in table.tolist())
 
