@@ -126,6 +126,15 @@ QUICK = TrainConfig(faces_per_mesh=2500, fit=Fit(epochs=10), data=replace(VERTEX
 def read_config(path: str | PathLike[str]) -> TrainConfig:
     """Read settings from a TOML file. Missing settings keep their defaults.
 
+    Parameters
+    ----------
+    path
+        TOML file.
+
+    Returns
+    -------
+    The settings of a training.
+
     Raises
     ------
     ConfigError

@@ -44,24 +44,22 @@ def test_an_edge_is_folded_where_the_normals_of_its_faces_are_more_than_a_right_
     assert folded_edges(Mesh(vertices, [(0, 1, 2), second])).tolist() == [folded]
 
 
-def test_denoise_says_which_faults_are_new(tmp_path, monkeypatch, capsys):
+def test_the_report_counts_faces_that_cross_although_nothing_folds(tmp_path, monkeypatch, capsys):
     """Of two balls, one inside the other, the coarse outer one shrinks faster and cuts through the inner one."""
     monkeypatch.chdir(tmp_path)
     outer, inner = icosphere(1), icosphere(3)
     faces = np.concatenate([outer.faces, inner.faces + len(outer.vertices)])
     save_mesh(tmp_path / "balls.ply", Mesh(np.concatenate([outer.vertices, 0.9 * inner.vertices]), faces))
     words = ["denoise", "balls.ply", "--method", "laplacian", "--set", "iterations=1", "--force"]
-    assert run([*words, "--strength", "0"]) == 0
-    assert "the result has" not in capsys.readouterr().err
     assert run([*words, "--report", "report.html"]) == 0
-    said = capsys.readouterr().err
+    assert "the result has" not in capsys.readouterr().err  # the search takes too long for every mesh
     after = cn.inspect("balls_denoised.ply").crossing_faces.count
-    assert after > 0 and f"the result has {after} self-intersecting faces (0 before)\n" in said
+    assert after > 0
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert (
-        "vertices; folded edges: 0\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}0" in page
-        and "edges folded by more than 90°" in page
-    )
+    tile = page[page.index("Self-intersecting faces") :][:400]
+    assert f"{after}<" in tile
+    assert "vertices; folded edges: 0\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}0" in page
+    assert "edges folded by more than 90°" in page
 
 
 def test_only_what_became_more_is_said(capsys, monkeypatch):
@@ -76,8 +74,19 @@ def test_only_what_became_more_is_said(capsys, monkeypatch):
         assert new_faults(before, after) == {}
     print_new_faults({})
     assert capsys.readouterr().err == ""
+
+
+def test_faces_that_cross_are_counted_where_the_result_has_new_folds(monkeypatch):
+    def with_fin(angle: float) -> Mesh:
+        """A sheet, and a triangle above it that turns about an edge of another one until it cuts the sheet."""
+        turn = np.radians(angle)
+        sheet = [(-2, -1, -0.5), (2, -1, -0.5), (0, 3, -0.5)]
+        hinge = [(0, 0, 0), (0, 1, 0), (-1, 0, 0), (np.cos(turn), 0, -np.sin(turn))]
+        return Mesh(np.array(sheet + hinge, float), [(0, 1, 2), (3, 4, 5), (6, 4, 3)])
+
+    assert new_faults(with_fin(10), with_fin(100)) == {"crossing_faces": (0, 2), "folded_edges": (0, 1)}
     monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 1)
-    assert new_faults(folded(10), folded(120)) == {}
+    assert new_faults(with_fin(10), with_fin(100)) == {"folded_edges": (0, 1)}
 
 
 def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):

@@ -58,10 +58,7 @@ def missing(function: Callable[..., Any]) -> list[str]:
     return faults
 
 
-NOT_YET = pytest.mark.xfail(reason="read_config names neither its parameter nor its result")
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=NOT_YET) if n == "read_config" else n for n in PUBLIC])
+@pytest.mark.parametrize("name", PUBLIC)
 def test_public_functions_document_parameters_results_and_errors(name):
     assert missing(PUBLIC[name]) == []
 

@@ -298,25 +298,27 @@ def _scaled(value: float, exponent: int) -> float | None:
 def new_faults(before: Mesh, after: Mesh) -> dict[str, tuple[int, int]]:
     """Return the counts of `surface_faults` that a result has more of, before and after.
 
-    The mesh before is only examined if the result has any of these faults. Meshes of more than MOST_FACES_CROSSED faces
-    are not examined.
+    Crossing faces are only searched for if there are more spikes or folded edges, since the search takes a quarter of
+    the time of a denoising.
     """
-    if len(after.faces) > MOST_FACES_CROSSED:
+    if all(old >= new for old, new in zip(_spikes_and_folds(before), _spikes_and_folds(after), strict=True)):
         return {}
-    counts = {name: count for name, count in surface_faults(after).items() if count}
-    earlier = surface_faults(before) if counts else {}
-    more = ((name, earlier[name] or 0, count) for name, count in counts.items())
-    return {name: (old, count) for name, old, count in more if count > old}
+    first, last = surface_faults(before), surface_faults(after)
+    counts = {name: (first[name] or 0, last[name] or 0) for name in last}
+    return {name: (old, new) for name, (old, new) in counts.items() if new > old}
 
 
 def surface_faults(mesh: Mesh) -> dict[str, int | None]:
     """Count crossing faces, spikes and folded edges; crossing faces are None for more than MOST_FACES_CROSSED faces."""
-    small, _ = in_frame(mesh)
     crossing = None
     if len(mesh.faces) <= MOST_FACES_CROSSED:
+        small, _ = in_frame(mesh)
         crossing = int(crossing_faces(small, repeats(small.vertices)[1]).sum())
-    return {
-        "crossing_faces": crossing,
-        "spikes": int(spikes(small).sum()),
-        "folded_edges": int(folded_edges(small).sum()),
-    }
+    spiky, folded = _spikes_and_folds(mesh)
+    return {"crossing_faces": crossing, "spikes": spiky, "folded_edges": folded}
+
+
+def _spikes_and_folds(mesh: Mesh) -> tuple[int, int]:
+    """Return the numbers of spikes and of folded edges."""
+    small, _ = in_frame(mesh)
+    return int(spikes(small).sum()), int(folded_edges(small).sum())
