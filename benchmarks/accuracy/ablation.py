@@ -54,6 +54,7 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
         paper,
         seed=auto.seed,
         faces_per_mesh=auto.faces_per_mesh,
+        context=0,  # which the paper lacks
         data=auto.data,
         fit=replace(auto.fit, hidden=paper.fit.hidden),
     )

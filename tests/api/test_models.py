@@ -17,6 +17,7 @@ from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.config import read_config
+from cascadenorm.learned.features import CONTEXT_STEPS
 from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.training.gate_training import GateConfig
@@ -67,7 +68,8 @@ def test_the_shipped_gate_has_the_settings_of_its_training():
 
 
 def test_the_shipped_cascade_is_the_published_method():
-    """B-FND and G-FND, then B-FND twice; clusters with one hidden layer each; nothing but the filtered normals."""
+    """B-FND and G-FND, then B-FND twice; clusters with one hidden layer each; context features are our addition."""
+    context = 24 * (len(CONTEXT_STEPS) + 1) + 1
     filtered = {"B+G": 2 * 5 + 2 * 4, "B": 2 * 5}
     stages = shipped("cascade").stages
     assert [stage.settings.descriptor for stage in stages] == ["B+G", "B", "B"]
@@ -76,7 +78,7 @@ def test_the_shipped_cascade_is_the_published_method():
         assert (settings.neighborhood, settings.weighting, settings.foldovers) == ("distance", "uniform", "ignore")
         assert settings.activation == "tanh"
         assert len(stage.centers) == 4 and len(stage.layers) == 2
-        assert stage.layers[0][0].shape[1] == stage.centers.shape[1] == count * (count - 1) // 2
+        assert stage.layers[0][0].shape[1] == stage.centers.shape[1] == count * (count - 1) // 2 + context
         assert stage.layers[-1][1].shape[1] == count
 
 

@@ -281,7 +281,7 @@ def test_each_process_has_a_gpu_of_its_own_or_none_has_one(monkeypatch, count, e
 
 
 def test_the_settings_of_cascade_are_those_of_the_paper():
-    """B-FND and G-FND, then B-FND twice; clusters with one hidden layer each; nothing but the filtered normals."""
+    """B-FND and G-FND, then B-FND twice; clusters with one hidden layer each; context features are our addition."""
     config = read_config(Path(__file__).parents[2] / "configs" / "cascade.toml")
     assert [stage.descriptor for stage in config.stages] == ["B+G", "B", "B"]
     for stage in config.stages:
