@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm import io
-from cascadenorm.geometry.small_components import small_components
+from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.io.files import extensible
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.mesh.polygons import Polygons
@@ -31,7 +31,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     Bad vertices and faces that were isolated are kept. Messages contain the name.
     """
     mesh = mesh_of_file(file, name)
-    among = len(np.unique(mesh.topology.face_components))
+    among = component_count(mesh)
     small, first = small_components(mesh, limit)
     if not len(first):
         return Dropped(file, 0, 0, among, ())

@@ -28,6 +28,11 @@ def component_limit(limit: str | int) -> tuple[float, bool]:
     return (number / 100 if share else number), share
 
 
+def component_count(mesh: Mesh) -> int:
+    """Return the number of connected components that have faces."""
+    return int(np.count_nonzero(np.bincount(mesh.topology.face_components)))
+
+
 def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArray[np.int64]]:
     """Find the components with fewer faces than a limit (see `component_limit`), excluding the largest component.
 

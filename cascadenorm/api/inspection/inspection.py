@@ -25,7 +25,7 @@ from cascadenorm.detection.error_kind import LEAST_ERROR, ErrorKind
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
-from cascadenorm.geometry.small_components import small_components
+from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.learned.methods import MeshTreatment
 from cascadenorm.mesh import (
     Mesh,
@@ -243,7 +243,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
     return {
-        "parts": int(np.count_nonzero(np.bincount(topology.face_components))),
+        "parts": component_count(mesh),
         "closed": bool((around > 1).all()),
         "boundary_loops": boundary_loop_count(topology),
         "boundary_edges": int((around == 1).sum()),
@@ -301,24 +301,29 @@ def new_faults(before: Mesh, after: Mesh) -> dict[str, tuple[int, int]]:
     Crossing faces are only searched for if there are more spikes or folded edges, since the search takes a quarter of
     the time of a denoising.
     """
-    if all(old >= new for old, new in zip(_spikes_and_folds(before), _spikes_and_folds(after), strict=True)):
+    smalls = in_frame(before)[0], in_frame(after)[0]
+    first, last = map(_spikes_and_folds, smalls)
+    counts = {name: (first[name], last[name]) for name in last}
+    if all(old >= new for old, new in counts.values()):
         return {}
-    first, last = surface_faults(before), surface_faults(after)
-    counts = {name: (first[name] or 0, last[name] or 0) for name in last}
+    crossing = [_crossing_count(small) or 0 for small in smalls]
+    counts = {"crossing_faces": (crossing[0], crossing[1]), **counts}
     return {name: (old, new) for name, (old, new) in counts.items() if new > old}
 
 
 def surface_faults(mesh: Mesh) -> dict[str, int | None]:
     """Count crossing faces, spikes and folded edges; crossing faces are None for more than MOST_FACES_CROSSED faces."""
-    crossing = None
-    if len(mesh.faces) <= MOST_FACES_CROSSED:
-        small, _ = in_frame(mesh)
-        crossing = int(crossing_faces(small, repeats(small.vertices)[1]).sum())
-    spiky, folded = _spikes_and_folds(mesh)
-    return {"crossing_faces": crossing, "spikes": spiky, "folded_edges": folded}
-
-
-def _spikes_and_folds(mesh: Mesh) -> tuple[int, int]:
-    """Return the numbers of spikes and of folded edges."""
     small, _ = in_frame(mesh)
-    return int(spikes(small).sum()), int(folded_edges(small).sum())
+    return {"crossing_faces": _crossing_count(small), **_spikes_and_folds(small)}
+
+
+def _crossing_count(small: Mesh) -> int | None:
+    """Count the crossing faces of a mesh in its frame; None for more than MOST_FACES_CROSSED faces."""
+    if len(small.faces) > MOST_FACES_CROSSED:
+        return None
+    return int(crossing_faces(small, repeats(small.vertices)[1]).sum())
+
+
+def _spikes_and_folds(small: Mesh) -> dict[str, int]:
+    """Count the spikes and the folded edges of a mesh in its frame."""
+    return {"spikes": int(spikes(small).sum()), "folded_edges": int(folded_edges(small).sum())}
