@@ -125,6 +125,7 @@ def test_all_filters_of_normals_let_vertices_be_fitted_by_either_way():
     assert [name for name, method in registered().items() if name.endswith(("-normal", "-normal-global"))] == FITTING
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", FITTING)
 def test_least_squares_denoises_with_every_filter_of_normals(name):
     clean = icosphere(3)
