@@ -1,10 +1,12 @@
-"""Every method on a few odd faces, alone and under the controls."""
+"""Every method on a few odd faces, alone and under the controls, and what is measured or filled there."""
 
 import numpy as np
 import pytest
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.geometry.coarse_copy import coarse_copy
+from cascadenorm.geometry.curvature import mean_curvature
 
 BALL = noisy(icosphere(2), 0.15, seed=1)
 POINTS = np.random.default_rng(0).normal(size=(30, 3))
@@ -44,3 +46,24 @@ def test_adversarial_meshes_come_out_finite_under_all_controls(method, mesh):
             vertices, faces, method=method, boundary="smooth", creases=30, keep_detail=keep, strength=2, volume="keep"
         )
         assert out.shape == vertices.shape and np.isfinite(out).all()
+
+
+FUNCTIONS = {
+    "coarse_copy": lambda mesh: coarse_copy(mesh, 2 * mesh.mean_edge_length),
+    "compare": lambda mesh: cn.compare(mesh, mesh),
+    "farthest_points": lambda mesh: cn.farthest_points(mesh, 3),
+    "fill_holes": cn.fill_holes,
+    "geodesic_distances": lambda mesh: cn.geodesic_distances(mesh, 0),
+    "inspect": cn.inspect,
+    "manifold_harmonics": lambda mesh: cn.manifold_harmonics(mesh, 2),
+    "mean_curvature": mean_curvature,
+}
+
+
+@of_each_mesh
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_other_functions_give_a_result_or_a_reason(function, mesh):
+    try:
+        FUNCTIONS[function](cn.Mesh(*ADVERSARIAL_MESHES[mesh]))
+    except (cn.MeshError, cn.ParameterError) as error:
+        assert mesh != "flat" and len(str(error)) > 20
