@@ -4,7 +4,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from cascadenorm.errors import ParameterError
+from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
 from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import (
@@ -22,6 +22,7 @@ from cascadenorm.mesh import (
 )
 
 LEAST_HEAT = 1e-300  # least ratio of the least to the largest heat; below it, the diffusion time is increased
+MOST_INCREASES = 100  # of the diffusion time, each by a factor of 4; this suffices unless no face has an extent
 
 
 def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
@@ -44,7 +45,7 @@ def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
     Raises
     ------
     MeshError
-        All faces lie in one place.
+        No face has an extent.
     ParameterError
         There is no source, or a source does not exist.
     """
@@ -93,12 +94,13 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
 
 def _heat(stiffness: "scipy.sparse.csr_array", mass: Floats, positions: Vectors, sources: Bools, time: float) -> Floats:
     """Return the heat after one implicit step, with the time increased until heat has reached every vertex."""
-    while True:
+    for _ in range(MOST_INCREASES):
         step = scipy.sparse.diags_array(mass) + time * stiffness
         heat = Factorisation(step, positions).solve(sources.astype(np.float64))
         if heat.min() > LEAST_HEAT * heat.max():
             return heat
         time *= 4
+    raise MeshError("distances cannot be computed: no face of the mesh has an extent")
 
 
 @kernel

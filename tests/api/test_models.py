@@ -1,7 +1,10 @@
 import hashlib
+import io
 import json
+import shutil
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -82,15 +85,22 @@ def test_the_shipped_cascade_is_the_published_method():
         assert stage.layers[-1][1].shape[1] == count
 
 
-@pytest.mark.parametrize("name", NETWORKS)
-def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name):
+@pytest.fixture(scope="module")
+def unseen():
+    """Pairs of shapes that no training saw, and the mean error that the bilateral filter leaves there."""
     made = [pair(HELD_OUT, index) for index in (0, 1, 2, 3)]
+    bilateral = [measure(cn.denoise(p.noisy, method="bilateral-normal"), p.clean).normal_error_deg for p in made]
+    return made, np.mean(bilateral)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name, unseen):
+    made, bilateral = unseen
     errors = np.array(
         [[measure(m, p.clean).normal_error_deg for m in (p.noisy, *NETWORKS[name].steps(p.noisy))] for p in made]
     ).mean(axis=0)
     assert (np.diff(errors) < 0).all(), errors
-    bilateral = [measure(cn.denoise(p.noisy, method="bilateral-normal"), p.clean).normal_error_deg for p in made]
-    assert errors[-1] < np.mean(bilateral)
+    assert errors[-1] < bilateral
 
 
 @pytest.mark.parametrize("name", ["vertex", "surface"])
@@ -225,13 +235,24 @@ def test_logs_of_another_kind_are_refused(tmp_path, capsys):
     assert "must end in .csv or .jsonl" in capsys.readouterr().err
 
 
-def test_train_writes_a_model_that_denoises(tmp_path, capsys):
-    settings, weights = tmp_path / "tiny.toml", tmp_path / "tiny.safetensors"
-    settings.write_text(TINY)
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A folder with the settings of a small training and the model that it made, and what was printed."""
+    folder = tmp_path_factory.mktemp("trained")
+    (folder / "tiny.toml").write_text(TINY)
+    words = ["--config", str(folder / "tiny.toml"), "-o", str(folder / "tiny.safetensors"), "--threads", "1"]
+    with redirect_stdout(io.StringIO()) as printed:
+        assert run(["train", *words]) == 0
+    return folder, printed.getvalue()
+
+
+def test_train_writes_a_model_that_denoises(trained, tmp_path, capsys):
+    folder, printed = trained
+    assert "cascadenorm denoise scan.ply --model" in printed
+    assert sorted(path.name for path in folder.iterdir()) == ["tiny.safetensors", "tiny.toml"]
+    settings, weights = folder / "tiny.toml", tmp_path / "tiny.safetensors"
+    shutil.copy(folder / "tiny.safetensors", weights)
     arguments = ["train", "--config", str(settings), "-o", str(weights), "--threads", "1"]
-    assert run(arguments) == 0
-    assert "cascadenorm denoise scan.ply --model" in capsys.readouterr().out
-    assert not Path(f"{weights}.training").exists()
     mesh = noisy(icosphere(3), 0.2)
     out = cn.Denoiser.load(weights).denoise(mesh.vertices, mesh.faces)
     given, denoised = (measure(m, icosphere(3)).normal_error_deg for m in (mesh, mesh.moved(out)))
@@ -300,12 +321,10 @@ def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_pa
     assert not list(tmp_path.iterdir())
 
 
-def test_own_meshes_change_the_model_and_stand_in_its_card(tmp_path):
-    settings, plain, other = (tmp_path / name for name in ("tiny.toml", "plain.safetensors", "other.safetensors"))
-    settings.write_text(TINY)
+def test_own_meshes_change_the_model_and_stand_in_its_card(trained, tmp_path):
+    settings, plain, other = trained[0] / "tiny.toml", trained[0] / "tiny.safetensors", tmp_path / "other.safetensors"
     save(icosphere(3), tmp_path / "ball.ply")
     arguments = ["train", "--config", str(settings), "--threads", "1"]
-    assert run([*arguments, "-o", str(plain)]) == 0
     assert run([*arguments, "-o", str(other), "--shapes", str(tmp_path / "ball.ply")]) == 0
     assert "and 2 meshes that were handed in" in cn.Denoiser.load(other).card["data"]
     assert cn.Denoiser.load(other).model.to_bytes() != cn.Denoiser.load(plain).model.to_bytes()

@@ -113,6 +113,7 @@ def test_no_steps_return_a_copy():
         assert (moved == MESH.vertices).all() and not np.shares_memory(moved, MESH.vertices)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("scheme", ["implicit", "explicit"])
 def test_radius_of_a_sphere_follows_its_law(scheme):
     sphere = icosphere(4)

@@ -43,6 +43,7 @@ def test_an_edge_and_a_noise_free_cube_stay(name):
         np.testing.assert_allclose(out, mesh.vertices, atol=1e-7 * mesh.mean_edge_length)
 
 
+@pytest.mark.compiled
 @name
 def test_noise_goes(name):
     for clean in (icosphere(3),) if name == "mean-normal" else (cube(10), icosphere(3)):

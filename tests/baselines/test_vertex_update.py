@@ -47,6 +47,7 @@ def test_with_foldovers_ignored_the_update_is_the_published_sum(sweeps):
     assert np.abs(recover_vertices(rough, normals, sweeps=sweeps) - expected).max() > 1e-3  # folds are in the way
 
 
+@pytest.mark.compiled
 def test_true_normals_bring_the_error_near_zero_and_turn_no_face():
     for clean in (icosphere(3), cube(10)):
         rough = noisy(clean, 0.2, seed=1)
@@ -87,6 +88,7 @@ def test_the_gradient_of_the_energy_vanishes():
     assert (vertices[-1] == 7).all()
 
 
+@pytest.mark.compiled
 def test_many_sweeps_of_the_vertex_update_come_to_the_same_place():
     clean = icosphere(2)
     rough = noisy(clean, 0.05)
@@ -125,6 +127,7 @@ def test_all_filters_of_normals_let_vertices_be_fitted_by_either_way():
     assert [name for name, method in registered().items() if name.endswith(("-normal", "-normal-global"))] == FITTING
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", FITTING)
 def test_least_squares_denoises_with_every_filter_of_normals(name):
     clean = icosphere(3)

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import shutil
 import subprocess
 import sys
 
@@ -49,13 +50,20 @@ def run(folder, kept, *words, factor=2, before="", **environment):
     return done.stdout.splitlines()
 
 
-@pytest.fixture
-def shipped(tmp_path):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A folder with the module, and its kernel for both types as it is shipped."""
-    run(tmp_path, "own")  # compiled for this very processor: not shipped
-    assert run(tmp_path, "own", "ship", NUMBA_CPU_NAME=NAME, NUMBA_CPU_FEATURES="") == COMPILED
-    assert len(list((tmp_path / "shipped").iterdir())) == 2
-    return tmp_path
+    folder = tmp_path_factory.mktemp("made")
+    run(folder, "own")  # compiled for this very processor: not shipped
+    assert run(folder, "own", "ship", NUMBA_CPU_NAME=NAME, NUMBA_CPU_FEATURES="") == COMPILED
+    assert len(list((folder / "shipped").iterdir())) == 2
+    return folder
+
+
+@pytest.fixture
+def shipped(made, tmp_path):
+    """A copy of that folder, which a test may change."""
+    return shutil.copytree(made, tmp_path, dirs_exist_ok=True)
 
 
 @compiled_only
@@ -92,7 +100,7 @@ def test_another_source_of_a_kernel_that_it_calls_compiles(tmp_path):
     (tmp_path / "helper.py").write_text(helper.format("2.0"))
     assert run(tmp_path, "own", "ship", **calling, NUMBA_CPU_NAME=NAME, NUMBA_CPU_FEATURES="") == COMPILED
     assert run(tmp_path, "empty", **calling) == TAKEN
-    (tmp_path / "helper.py").write_text(helper.format("3.0"))
+    (tmp_path / "helper.py").write_text(helper.format("3.00"))  # of another size, so that Python sees the change
     assert run(tmp_path, "other", **calling) == ["[0.0, 3.0, 6.0, 3.0] 0"] * 2
 
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.mesh import Mesh
 
-pyvista = pytest.importorskip("pyvista")
+# importing pyvista takes seconds, and every worker collects this file: only the tests import it
+pytestmark = pytest.mark.skipif(not find_spec("pyvista"), reason="pyvista is not installed")
 
 ROOT = Path(__file__).parents[2]
 BALL = noisy(icosphere(2), 0.2)
@@ -22,6 +24,8 @@ METHOD = {"method": "bilateral-normal", "iterations": 5}
 
 
 def polydata(mesh, dtype=np.float32):
+    import pyvista
+
     return pyvista.PolyData.from_regular_faces(mesh.vertices.astype(dtype), mesh.faces)
 
 
@@ -47,6 +51,8 @@ print(type(mesh.cascadenorm).__name__, type(pyvista.MultiBlock().cascadenorm).__
 
 
 def test_it_denoises_a_copy_and_keeps_the_data(ball):
+    import pyvista
+
     out = ball.cascadenorm.denoise(strength=0.5, **METHOD)
     expected = cn.denoise(BALL.vertices.astype(np.float32), BALL.faces, strength=0.5, **METHOD)
     assert type(out) is pyvista.PolyData
@@ -82,6 +88,8 @@ def test_it_inspects_and_compares(ball):
 
 
 def test_blocks_keep_their_walls_shared_their_names_and_their_nesting():
+    import pyvista
+
     found = walls("half balls")
     parts = [found.region(label) for label in (1, 2)]
     blocks = pyvista.MultiBlock({"left": polydata(parts[0], float), "none": None})
@@ -116,6 +124,8 @@ def test_the_progress_bar_is_shown_and_a_listener_can_end_the_work(ball, capfd):
 
 
 def test_other_cells_are_refused_with_the_way_out():
+    import pyvista
+
     with pytest.raises(cn.MeshError, match=r"call its triangulate\(\) first"):
         pyvista.Plane().cascadenorm.denoise()
 

@@ -99,6 +99,13 @@ def test_heat_reaches_the_end_of_a_long_strip():
     np.testing.assert_allclose(found, strip.vertices[:, 0], rtol=0.01, atol=2)
 
 
+@pytest.mark.parametrize("place", [1.0, 5.0], ids=["one place", "two places"])
+def test_faces_without_extent_are_refused(place):
+    vertices = np.repeat([[1.0, 1, 1], [place, 1, 1]], 3, axis=0)
+    with pytest.raises(cn.MeshError, match="no face of the mesh has an extent"):
+        cn.geodesic_distances(Mesh(vertices, [[0, 1, 2], [3, 4, 5]]), 0)
+
+
 @pytest.mark.parametrize(
     "sources, words",
     [([], "a vertex index"), ([0.5], "a vertex index"), ([-1], "contains -1"), (42, "vertex indices go from 0 to 41")],

@@ -62,6 +62,7 @@ def test_among_equally_near_faces_the_first_counts():
     np.testing.assert_array_equal(found.faces, first)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("threads", [2, 3])
 def test_same_bytes_for_any_number_of_threads(threads):
     mesh, points = icosphere(4), np.random.default_rng(1).normal(size=(3000, 3))

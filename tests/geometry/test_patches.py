@@ -82,8 +82,13 @@ def in_patches(mesh: Mesh, faces: int, *, spare: int = 0, each=map, **settings) 
         return whole, cn.denoise(mesh, **settings).vertices
 
 
-@pytest.mark.parametrize("name", MESHES)
-@pytest.mark.parametrize("method", EXACT)
+@pytest.mark.parametrize(
+    ("method", "name"),
+    [
+        *((method, "open") for method in EXACT),
+        *((method, name) for method in ("taubin", "bilateral-normal", "guided-normal") for name in [*MESHES][1:]),
+    ],
+)
 def test_filters_give_the_bits_of_the_whole(method, name):
     whole, patches = in_patches(MESHES[name](), 1000, method=method, **EXACT[method])
     assert patches.tobytes() == whole.tobytes()

@@ -431,6 +431,7 @@ def test_conversion_keeps_the_surface(name, source, target, tmp_path):
 # memory
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("kind", [ObjFile, OffFile, "text"])
 def test_reading_a_text_takes_a_few_times_its_size(kind, monkeypatch):
     monkeypatch.setattr("cascadenorm.io.text.text.WORDS_AT_A_TIME", 1 << 12)

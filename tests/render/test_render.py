@@ -30,6 +30,7 @@ def black(mesh):
     return np.zeros((len(mesh.faces), 3))
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("direction", [(0, 0, 1), (1, 2, 3)])
 def test_the_silhouette_of_a_sphere_has_the_area_of_its_disc(direction):
     sphere = icosphere(5)
@@ -89,6 +90,7 @@ def test_faces_that_meet_at_an_edge_are_shaded_differently():
     assert len(shades) == 4  # three sides and the paper
 
 
+@pytest.mark.compiled
 def test_a_picture_has_the_same_bytes_for_any_number_of_threads_and_again():
     mesh = noisy(icosphere(4), 0.3)
     with limit_threads(1):
@@ -98,6 +100,7 @@ def test_a_picture_has_the_same_bytes_for_any_number_of_threads_and_again():
     assert render(mesh, size=(150, 101)).tobytes() == once.tobytes()
 
 
+@pytest.mark.compiled
 def test_the_picture_does_not_depend_on_place_and_scale():
     mesh = noisy(icosphere(3), 0.3)
     far = Mesh(mesh.vertices * 1024 + 2**20, mesh.faces)
@@ -132,6 +135,7 @@ def test_senseless_settings_are_refused(wrong):
         Camera.looking_at(cube(1), perspective=1)
 
 
+@pytest.mark.compiled
 def test_the_whole_mesh_is_seen_from_near():
     """What is nearer moves farther when the middle of the picture moves."""
     corners = [[-2.04, 0.9, -0.28], [-0.17, 0.01, -0.78], [0.23, -1.66, -0.7], [-0.15, 1.1, -0.85], [-0.36, 0.79, 0.67]]
@@ -154,6 +158,7 @@ def test_a_png_decodes_to_the_same_pixels():
     assert (decoded(png(image)) == image).all()
 
 
+@pytest.mark.compiled
 def test_a_value_has_its_color_at_faces_and_between_vertices():
     square = grid(1, 1)
     view = parallel(square)
@@ -218,6 +223,7 @@ def test_smooth_shading_of_a_sphere_has_no_steps():
     assert steps[1] < 0.3 * steps[0]
 
 
+@pytest.mark.compiled
 def test_a_transparent_picture_over_white_is_the_plain_one():
     ball = icosphere(3)
     plain, clear = (render(ball, size=(60, 60), transparent=on) for on in (False, True))
@@ -227,6 +233,7 @@ def test_a_transparent_picture_over_white_is_the_plain_one():
     assert np.abs(linear(plain / 255) - over).max() < 0.02
 
 
+@pytest.mark.compiled
 def test_a_crop_is_that_part_of_the_picture():
     """Enlarged without more samples it would be the same pixels."""
     ball = noisy(icosphere(3), 0.3)
@@ -318,6 +325,7 @@ def test_the_size_of_the_coordinates_does_not_matter(tmp_path, scale):
     assert (np.abs(usual.astype(int) - other) > 8).mean() < 0.01
 
 
+@pytest.mark.compiled
 def test_each_mesh_is_seen_also_where_it_lies_elsewhere_than_the_last(tmp_path):
     here = icosphere(2)
     beside, far = (here.moved(here.vertices * size + np.array([x, 0, 0])) for size, x in ((1, 0.1), (0.01, 500)))
@@ -329,6 +337,7 @@ def test_each_mesh_is_seen_also_where_it_lies_elsewhere_than_the_last(tmp_path):
     assert middles[1] > middles[2] + 1  # as it lies to the last
 
 
+@pytest.mark.compiled
 def test_meshes_are_seen_from_where_one_is_told(tmp_path):
     flat = icosphere(2).moved(icosphere(2).vertices * (1, 1, 0.1))
     height = []
