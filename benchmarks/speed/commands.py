@@ -28,10 +28,20 @@ from typing import Any, NamedTuple
 from benchmarks import results
 from benchmarks.environments import interpreter
 from benchmarks.speed.meshes import shuffled, wavy_torus
-from benchmarks.speed.processes import COMMAND, Run, timed
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import thread_count
 
+COMMAND = (sys.executable, "-m", "cascadenorm")
+WATCH = """
+import resource, subprocess, sys, time
+start = time.perf_counter()
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(time.perf_counter() - start, used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
+"""A small process that starts the command, since a new process is charged with the memory of the one that starts it."""
+SETTINGS = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""Environment of a command, in which Python keeps modules compiled, as pip does when it installs them."""
 SIZES = {"10 k faces": (100, 50), "100 k faces": (250, 200), "1 M faces": (1000, 500), "5 M faces": (2500, 1000)}
 SMALL, SHUFFLED, LARGEST = "100 k faces", "1 M faces", "5 M faces"
 METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "tv-normal", "l0", "taubin")
@@ -97,6 +107,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         results.report(options.record, figures, table)
     else:
         results.report(options.record, first_runs(options.wheels), first_run_table)
+
+
+class Run(NamedTuple):
+    """One command.
+
+    Parameters
+    ----------
+    seconds
+        Wall time.
+    processor
+        Processor time of all threads, user and system, in seconds.
+    memory
+        Peak of the resident memory, in bytes.
+    """
+
+    seconds: float
+    processor: float
+    memory: int
+
+
+def timed(command: Sequence[str | Path]) -> Run:
+    """Run a command; raises CalledProcessError if it fails."""
+    watched = [sys.executable, "-c", WATCH, *command]
+    done = subprocess.run(watched, check=True, stdout=subprocess.PIPE, text=True, env=SETTINGS)
+    seconds, processor, memory = done.stdout.split()
+    return Run(float(seconds), float(processor), int(memory) * (1 if sys.platform == "darwin" else 1024))
 
 
 def measured(methods: Sequence[str], peer: Path) -> list[dict[str, Any]]:

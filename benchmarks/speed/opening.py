@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from benchmarks import results
+from benchmarks.speed.commands import COMMAND, timed
 from benchmarks.speed.meshes import MILLION, wavy_torus
-from benchmarks.speed.processes import COMMAND, timed
 from cascadenorm.io.interop import save_mesh
 
 sys.path.append(str(Path(__file__).parents[2] / "tests"))

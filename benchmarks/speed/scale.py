@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import results
-from benchmarks.speed.processes import COMMAND, timed
+from benchmarks.speed.commands import COMMAND, timed
 from cascadenorm.api.patch_sizes import MAX_PATCH_FACES, PATCH_FACE_BYTES, WHOLE_FACE_BYTES
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
