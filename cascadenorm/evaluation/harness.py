@@ -13,7 +13,7 @@ from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
-from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run_task
 from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder, use_cluster
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
@@ -180,7 +180,7 @@ def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progre
     unread: set[str] = set()
     try:
         with parallel_map(workers) as each:
-            found = each(run, runs)
+            found = each(run_task, runs)
             for number, task in enumerate(runs):
                 progress("evaluating", number, len(runs), f"{task.pair.name}: {task.name}")
                 out = next(found)

@@ -28,11 +28,11 @@ from cascadenorm.render.scenes import Style, color_bar, one_view, panels, scene
 from cascadenorm.reports.given import given
 from cascadenorm.reports.page import Tile, image, page, table
 from cascadenorm.reports.plots import bar_chart, box_plot
-from cascadenorm.reports.scene import scene as viewer_scene
+from cascadenorm.reports.scene import viewer_scene
 
-WIDTH = 1640
+ROW_WIDTH = 1640
 """Width of a row of pictures, in pixels; each is smaller, the more there are."""
-LARGEST, SMALLEST = 420, 160
+LARGEST_PICTURE, SMALLEST_PICTURE = 420, 160
 OVERVIEW = "Mean angle by method"
 CROP = 0.22
 """Width of the part that is enlarged, as a share of the picture."""
@@ -135,7 +135,7 @@ def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
 def _figure(shown: _Shown, about: str) -> str:
     """Return a picture of the meshes and the true mesh with an enlarged part, and below it the errors on one scale."""
     count = len(shown.meshes) + 1
-    size = int(np.clip(WIDTH / count - 12, SMALLEST, LARGEST))
+    size = int(np.clip(ROW_WIDTH / count - 12, SMALLEST_PICTURE, LARGEST_PICTURE))
     names = [one.method for one in shown.results]
     camera = Camera.looking_at(shown.clean)
     style = Style(size=size, direction=camera.axes[2], crops=[_worst_part(shown, camera)], transparent=True)

@@ -13,11 +13,11 @@ from cascadenorm.reports.facts import count_of
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.page import Tile
 
-Inspected = Sequence[tuple[Given, Inspection]]
-Measured = Sequence[tuple[Given, Measures]]
+InspectedMeshes = Sequence[tuple[Given, Inspection]]
+MeasuredMeshes = Sequence[tuple[Given, Measures]]
 
 
-def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[Tile]:
+def key_figures(inspected: InspectedMeshes, measured: MeasuredMeshes, done: DenoisingSummary | None) -> list[Tile]:
     """Return the tiles at the top of a report; values of two meshes stand as before → after."""
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
@@ -38,7 +38,7 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
     ]
 
 
-def headline(inspected: Inspected, done: DenoisingSummary | None) -> list[str]:
+def headline(inspected: InspectedMeshes, done: DenoisingSummary | None) -> list[str]:
     """Return the kind of error of the first mesh, what it is treated as, and the method, in the words of `denoise`."""
     first = inspected[0][1]
     error, treated_as = (first.error, first.treated_as) if done is None else (done.error, done.treated_as)
@@ -52,7 +52,7 @@ def headline(inspected: Inspected, done: DenoisingSummary | None) -> list[str]:
     return [" ".join(parts)] if parts else []
 
 
-def _angle(inspected: Inspected, measured: Measured) -> list[Tile]:
+def _angle(inspected: InspectedMeshes, measured: MeasuredMeshes) -> list[Tile]:
     """The mean angle to the truth, or without one that to the input."""
     if measured:
         values = tuple(f"{measures.normal_error_deg:.2f}°" for _, measures in measured)

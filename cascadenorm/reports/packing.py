@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-CODES = 1 << 16
-LARGEST = 1e300
+MOST_CODES = 1 << 16
+LARGEST_VALUE = 1e300
 """Size beyond which a number is no value, so that differences are numbers."""
-STEPS = 250
+VALUE_STEPS = 250
 """Steps of a quantity up to the value that 99 % of its values are below."""
 
 
-class Steps(NamedTuple):
+class SteppedValues(NamedTuple):
     """Real numbers as whole ones: value = start + step · (code - 1), and code 0 is no value."""
 
     codes: NDArray[np.int64]
@@ -22,19 +22,19 @@ class Steps(NamedTuple):
     step: float
 
 
-def in_steps(values: NDArray[np.float64], steps: int = STEPS) -> Steps:
+def in_steps(values: NDArray[np.float64], steps: int = VALUE_STEPS) -> SteppedValues:
     """Round values to steps of 1 / `steps` of their usual range; NaN marks unknown values.
 
-    The step is longer where the largest value would need more than CODES, so no value is cut off.
+    The step is longer where the largest value would need more than MOST_CODES, so no value is cut off.
     """
-    known = np.abs(values) < LARGEST
+    known = np.abs(values) < LARGEST_VALUE
     if not known.any():
-        return Steps(np.zeros(values.shape, np.int64), 0.0, 1.0)
+        return SteppedValues(np.zeros(values.shape, np.int64), 0.0, 1.0)
     start, stop = float(values[known].min()), float(values[known].max())
     usual = float(np.quantile(np.abs(values[known]), 0.99))
-    step = max(usual / steps, (stop - start) / (CODES - 2)) or 1.0
+    step = max(usual / steps, (stop - start) / (MOST_CODES - 2)) or 1.0
     codes = np.rint((np.where(known, values, start) - start) / step).astype(np.int64) + 1
-    return Steps(np.where(known, codes, 0), start, step)
+    return SteppedValues(np.where(known, codes, 0), start, step)
 
 
 def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def demo(
         done = demonstration.demo(folder, force=force, progress=progress)
     tables.print_evaluation(done)
     print(SYMBOLS)
-    demonstration.draw(done, folder)
+    demonstration.draw_demo(done, folder)
     print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
 
 

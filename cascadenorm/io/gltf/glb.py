@@ -6,7 +6,7 @@ from typing import Any
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
-from cascadenorm.io.gltf.document import encoded
+from cascadenorm.io.gltf.document import json_bytes
 from cascadenorm.io.gltf.gltf import GltfFile
 
 GLB_MAGIC = b"glTF"
@@ -35,7 +35,7 @@ class GlbFile(GltfFile):
     @classmethod
     def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
         inner = [] if chunk is None else [(BIN, _padded(chunk, b"\0"))]
-        return _container([(JSON, _padded(encoded(document), b" ")), *inner])
+        return _container([(JSON, _padded(json_bytes(document), b" ")), *inner])
 
 
 def _container(chunks: Sequence[tuple[bytes, Piece]]) -> list[Piece]:

@@ -16,9 +16,9 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
-from cascadenorm.io.gltf.document import check_lists, content_of, document_of, encoded, parsed
+from cascadenorm.io.gltf.document import check_lists, document_content, document_of, json_bytes, parsed
 from cascadenorm.io.gltf.entries import entry, with_keys
-from cascadenorm.io.gltf.patching import Patching
+from cascadenorm.io.gltf.patching import PatchedDocument
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
@@ -49,7 +49,7 @@ class GltfFile(MeshFile):
         """Return a container, in pieces, for a document and its first buffer if that has no content of its own."""
         if chunk is not None:
             document["buffers"][0]["uri"] = embedded(chunk)
-        return [encoded(document)]
+        return [json_bytes(document)]
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
@@ -204,7 +204,7 @@ class GltfFile(MeshFile):
                 document["buffers"][number]["uri"] = quote(names[number], errors="surrogateescape")
             else:
                 document["buffers"][number]["uri"] = embedded(content, uri)
-        return self._packed(encoded(document), chunk), files
+        return self._packed(json_bytes(document), chunk), files
 
     def _with_new_bounds(self, data: bytearray) -> dict[str, Any]:
         """Return the document with the new bounds of positions and normals. Its buffers are copies."""
@@ -294,7 +294,7 @@ class GltfFile(MeshFile):
         rows = [self._rows(p) for p in self._primitives]
         arrays = self.positions, self.welds, stored
         with _explained():
-            made = Patching(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
+            made = PatchedDocument(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
         buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
         if inner:
             chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
@@ -304,12 +304,12 @@ class GltfFile(MeshFile):
         if made.untextured:
             what = counted(made.untextured, "patch", "patches")
             patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
-        text = encoded({**made.document, "buffers": buffers})
+        text = json_bytes({**made.document, "buffers": buffers})
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
 
     def _read_content(self) -> Content:
         with _explained():
-            return content_of(
+            return document_content(
                 self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
             )
 

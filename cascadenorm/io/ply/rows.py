@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.ply.header import NAMES, Element
+from cascadenorm.io.ply.header import NAMES, PlyElement
 from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import blocks
 from cascadenorm.mesh.polygons import Polygons
 
 
-def binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -> bytes:
+def binary_rows(element: PlyElement, values: list[NDArray[Any]], byte_order: str) -> bytes:
     """Return additional binary rows of an element."""
     lengths = [v.shape[1] for v in values]
     kinds: list[Any] = []
@@ -27,7 +27,7 @@ def binary_rows(element: Element, values: list[NDArray[Any]], byte_order: str) -
     return rows.tobytes()
 
 
-def text_rows(element: Element, values: list[NDArray[Any]]) -> list[bytes]:
+def text_rows(element: PlyElement, values: list[NDArray[Any]]) -> list[bytes]:
     """Return additional text rows of an element, one line each."""
     words: list[list[bytes]] = []
     for p, value in zip(element.properties, values, strict=True):
@@ -59,7 +59,7 @@ def _joined(columns: list[NDArray[Any]]) -> NDArray[np.uint8]:
     return rows.view(np.uint8).reshape(len(rows), rows.itemsize)
 
 
-def face_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> Iterator[memoryview]:
+def list_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> Iterator[memoryview]:
     """Yield the bytes of the rows of the element `face`, block by block."""
     for block in blocks(len(polygons), 4 + len(fields)):
         yield _face_rows(polygons.part(block), length, [values[block] for values in fields.values()]).data

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.ply.header import Element
+from cascadenorm.io.ply.header import PlyElement
 from cascadenorm.mesh.polygons import ranges
 
 Body = bytes | bytearray | memoryview
@@ -62,7 +62,7 @@ class PropertyColumn(NamedTuple):
         np.frombuffer(body, np.uint8)[cells] = raw
 
 
-def columns(body: Body, element: Element, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
+def columns(body: Body, element: PlyElement, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
     """Locate the properties, of these kinds, of all rows of an element that starts at a byte offset.
 
     The body is that of a binary file, or the numbers of a text body. Returns the columns, in the order of the
@@ -98,7 +98,7 @@ def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -
 
 
 def _walk(
-    body: Body, element: Element, start: int, kinds: list[PropertyKind], rows: int
+    body: Body, element: PlyElement, start: int, kinds: list[PropertyKind], rows: int
 ) -> tuple[list[PropertyColumn], int]:
     """Locate the first rows of an element one by one."""
     at, end = start, len(body)
