@@ -22,8 +22,7 @@ from cascadenorm.io.atomic import (
 )
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.gltf.glb import GlbFile
-from cascadenorm.io.gltf.gltf import GltfFile
+from cascadenorm.io.gltf.gltf import GlbFile, GltfFile
 from cascadenorm.io.libraries import is_installed
 from cascadenorm.io.neuroimaging import FREESURFER_EXTENSIONS, FREESURFER_MAGIC, FreeSurferFile, GiftiFile
 from cascadenorm.io.obj import ObjFile

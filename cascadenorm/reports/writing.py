@@ -165,11 +165,11 @@ def _sections(
 
 def _settings(done: DenoisingSummary) -> str:
     """Return what the method is, the settings that were changed, and below a fold the others."""
-    method, settings = find(done.method), facts.settings(done)
+    method, (changed, usual) = find(done.method), facts.settings(done)
     about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
-    changed = table(settings.changed, prose=True) if settings.changed[1:] else ""
-    title = counted(len(settings.usual) - 1, "setting has its default", "settings have their defaults")
-    return about + changed + folded(title, table(settings.usual, prose=True))
+    title = counted(len(usual) - 1, "setting has its default", "settings have their defaults")
+    shown = table(changed, prose=True) if changed[1:] else ""
+    return about + shown + folded(title, table(usual, prose=True))
 
 
 def _undrawn(alone: Given) -> str | None:

@@ -1,7 +1,8 @@
-"""glTF 2: replace positions and normals, as they are before the transforms of nodes, and keep everything else."""
+"""glTF 2, in JSON or GLB: replace positions and normals, as they are before the transforms of nodes; keep all else."""
 
 import copy
-from collections.abc import Iterable, Iterator
+import struct
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
@@ -15,9 +16,8 @@ from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
-from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
+from cascadenorm.io.gltf.buffers import Buffers, embedded, entry, relative_name, with_keys
 from cascadenorm.io.gltf.document import check_lists, document_content, document_of, json_bytes, parsed
-from cascadenorm.io.gltf.entries import entry, with_keys
 from cascadenorm.io.gltf.patching import PatchedDocument
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
@@ -25,6 +25,8 @@ from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
+GLB_MAGIC = b"glTF"
+JSON, BIN = b"JSON", b"BIN\0"
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 """Extensions that store compressed geometry. The file may also contain uncompressed positions, but moving only these
@@ -320,6 +322,31 @@ class GltfFile(MeshFile):
         return cls._made(document, buffer), lost
 
 
+class GlbFile(GltfFile):
+    """A GLB file, which holds the JSON and the first buffer. Chunks of other types are kept."""
+
+    format = "glb"
+
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
+        chunks = dict(reversed(list(_chunks(self.data))))  # the first of several chunks with one name counts
+        if JSON not in chunks:
+            raise ReadError("this GLB file has no JSON chunk: it is damaged; get a complete copy")
+        return bytes(chunks[JSON]), chunks.get(BIN)
+
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
+        replaced: dict[bytes, Piece] = {JSON: _padded(text, b" ")}
+        if chunk is not None:
+            replaced[BIN] = chunk
+        chunks = [(name, replaced.pop(name, old)) for name, old in _chunks(self.data)]  # the first of each name
+        (length,) = struct.unpack_from("<I", self.data, 8)
+        return [*_container(chunks), self.data[length:]]
+
+    @classmethod
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
+        inner = [] if chunk is None else [(BIN, _padded(chunk, b"\0"))]
+        return _container([(JSON, _padded(json_bytes(document), b" ")), *inner])
+
+
 def _declared_primitives(document: dict[str, Any]) -> Iterator[tuple[int, int, dict[str, Any]]]:
     """Yield the primitives with the numbers of their meshes and their own. Raises ReadError if a key is missing."""
     for mesh in range(len(document.get("meshes", []))):
@@ -347,3 +374,31 @@ def _said(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "its objects are nested too deeply"
     return f"an entry has the wrong type or size ({error})" if isinstance(error, TypeError) else str(error)
+
+
+def _container(chunks: Sequence[tuple[bytes, Piece]]) -> list[Piece]:
+    """Return a GLB file of chunks by name, in pieces."""
+    body = [piece for name, chunk in chunks for piece in (struct.pack("<I4s", len(chunk), name), chunk)]
+    return [GLB_MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body))), *body]
+
+
+def _padded(chunk: Piece, padding: bytes) -> bytes:
+    return b"".join([chunk, padding * (-len(chunk) % 4)])
+
+
+def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
+    """Yield the chunks of a GLB file by name. Raises ReadError if it is truncated or has another version."""
+    if data[:4] != GLB_MAGIC or len(data) < 20:
+        raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise ReadError(f"this GLB file has version {version}; only version 2 is supported: export it again")
+    if length > len(data):
+        raise ReadError(f"the GLB header declares {length} bytes, but the file has {len(data)}: it is truncated")
+    at = 12
+    while at + 8 <= length:
+        size, name = struct.unpack_from("<I4s", data, at)
+        if at + 8 + size > length:
+            raise ReadError(f"the chunk at byte {at} declares {size} bytes and runs past the end: the file is damaged")
+        yield name, memoryview(data)[at + 8 : at + 8 + size]
+        at += 8 + size

@@ -14,8 +14,17 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import CHANNELS, Content, Positions
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.ply.header import NAMES, PlyElement, PlyProperty, parse_header
-from cascadenorm.io.ply.rows import binary_rows, fields_of, joined_columns, list_rows, text_rows
-from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
+from cascadenorm.io.ply.table import (
+    Body,
+    PropertyColumn,
+    PropertyKind,
+    binary_rows,
+    columns,
+    fields_of,
+    joined_columns,
+    list_rows,
+    text_rows,
+)
 from cascadenorm.io.text.number_format import replace_words
 from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.text.tokenizer import splice
