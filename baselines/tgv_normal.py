@@ -59,7 +59,7 @@ def tgv_normal(
 
 
 class TgvMinimum(NamedTuple):
-    """What the rounds arrive at."""
+    """A minimiser and its multipliers."""
 
     normals: Vectors  # (m, 3), unit
     jumps: Vectors  # (e, 3) v of each interior edge

@@ -105,7 +105,7 @@ def _check_legacy_cells(data: bytes) -> None:
 
 
 def _are_cells(numbers: NDArray[Any], count: int) -> bool:
-    """Whether numbers are those of a count of cells, each the number of its vertices before them."""
+    """Whether numbers hold so many cells, each as the number of its vertices followed by the vertices."""
     if len(numbers) == 4 * count and (numbers[::4] == 3).all():  # triangles
         return True
     at, sizes = 0, numbers.tolist()
@@ -121,7 +121,7 @@ def _attributes(tag: bytes) -> dict[bytes, bytes]:
 
 
 def _check_array(data: bytes, place: int, word: str, *, packed: bool, text: bool) -> None:
-    """Check an array that begins at a place with words about its size, as text in base64 or as bytes."""
+    """Check an array at a place in the data, in base64 or as bytes, which begins with its size in words."""
     words = _words(data, place, WORDS if packed else 1, word, text=text)
     if not packed:
         _check_sizes(data, words[:1])
@@ -138,9 +138,9 @@ def _check_sizes(data: bytes, sizes: list[int]) -> None:
 
 
 def _words(data: bytes, place: int, count: int, word: str, *, text: bool) -> list[int]:
-    """Return the words at a place, fewer if the file ends before. Raises ReadError if they are not in base64.
+    """Return the words at a place, or fewer if the file ends earlier. Raises ReadError if they are not in base64.
 
-    VTK decodes other characters and misplaced padding as well, to sizes that nobody checked.
+    VTK also decodes other characters and misplaced padding, which would give sizes that were not checked.
     """
     size = np.dtype(word).itemsize
     if text:

@@ -1,4 +1,4 @@
-"""The figures that a report leads with: noise, angle, volume and faults such as spikes, before and after."""
+"""The key figures of a report: noise, angle, volume and faults such as spikes, before and after."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ MeasuredMeshes = Sequence[tuple[Given, Measures]]
 
 
 def key_figures(inspected: InspectedMeshes, measured: MeasuredMeshes, done: DenoisingSummary | None) -> list[Tile]:
-    """Return the tiles at the top of a report; values of two meshes stand as before → after."""
+    """Return the tiles at the top of a report; values of two meshes are shown as before → after."""
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
     folded = "\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}".join(f"{one.folded_edges:,}" for one in found)
@@ -39,7 +39,7 @@ def key_figures(inspected: InspectedMeshes, measured: MeasuredMeshes, done: Deno
 
 
 def headline(inspected: InspectedMeshes, done: DenoisingSummary | None) -> list[str]:
-    """Return the kind of error of the first mesh, what it is treated as, and the method, in the words of `denoise`."""
+    """Return the kind of error and of surface of the first mesh, and the method, worded as by `denoise`."""
     first = inspected[0][1]
     error, treated_as = (first.error, first.treated_as) if done is None else (done.error, done.treated_as)
     parts = []
@@ -53,7 +53,7 @@ def headline(inspected: InspectedMeshes, done: DenoisingSummary | None) -> list[
 
 
 def _angle(inspected: InspectedMeshes, measured: MeasuredMeshes) -> list[Tile]:
-    """The mean angle to the truth, or without one that to the input."""
+    """Return the mean angle to the truth, or to the input if there is no truth."""
     if measured:
         values = tuple(f"{measures.normal_error_deg:.2f}°" for _, measures in measured)
         return [Tile("Angle to the truth", values, "mean over the faces")]

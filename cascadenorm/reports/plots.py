@@ -29,9 +29,9 @@ def bar_chart(rows: Sequence[tuple[str, float]], *, unit: str) -> str:
 
 
 def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
-    """Draw how values are spread, a row each: box from the first to the third quartile, whiskers from 5 to 95 %.
+    """Draw the distribution of values, one row each: boxes span the quartiles, whiskers the 5th to 95th percentile.
 
-    The rows are names and their values, at least one each. The label is the name and unit of the values.
+    `rows` has the values, at least one, of each name. The label is the name and unit of the values.
     """
     boxes = [
         {name: float(np.quantile(np.asarray(values), share)) for name, share in QUANTILES.items()}

@@ -18,13 +18,13 @@ from cascadenorm.reports.places import DefectPlace
 FORMAT = 1
 LEVELS, FINE_LEVELS = (1 << 16) - 1, (1 << 24) - 1
 FEWEST_LEVELS = 30
-"""Levels per mean edge length below which FINE_LEVELS are used, as for a part far away from the rest."""
+"""Levels per mean edge length below which FINE_LEVELS are used, for example if a part is far from the rest."""
 MOST_TEXT = 11_200_000
 """Largest number of characters of all arrays, which keeps a page with viewer and picture below 12 MB."""
 FEWER_STEPS = 64
 """Steps over the colours of a quantity if the page would be too large."""
 LITTLE = 0.02
-"""Share of the box by which a result may extend beyond it; the viewer still draws that."""
+"""Fraction of its size by which a result may extend beyond the box; the viewer still draws it."""
 
 
 class _Frame(NamedTuple):
@@ -102,7 +102,7 @@ class Comparison:
         packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
         self._known: dict[str, Mapping[str, Floats]] = {}
         self.first = {**_about(self._frame, mesh), "meshes": packed_meshes, "fields": [], "places": []}
-        """The scene of the mesh without heat maps, which is ready soon."""
+        """The scene of the mesh without heat maps, which is available quickly."""
 
     def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
         """Return what extends the first scene to both meshes, or a whole scene if the result does not fit its box.
@@ -184,7 +184,7 @@ def _packed_meshes(
 def _fields(
     meshes: Mapping[str, Mesh], frame: _Frame, known: Mapping[str, Mapping[str, Floats]] | None = None
 ) -> list[Field]:
-    with np.errstate(over="ignore"):  # what is too large for a number is no value
+    with np.errstate(over="ignore"):  # values that overflow count as unknown
         return fields(meshes, frame.unit, known=known or {})
 
 
