@@ -119,7 +119,7 @@ FORMATS = ("ply", "obj", "stl", "off", "glb", "gltf", "vtk", "vtu", "3mf", "dae"
 UNREADABLE, INVALID = 3, 4
 
 REFUSALS = ("a vertex is", "a face references", "no vertices", "points without")
-"""First words of the meshes that may be refused."""
+"""First words of the descriptions of meshes that may be refused."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def in_tools(python: str) -> dict[str, Any]:
-    """Return what each installed tool makes of each mesh."""
+    """Return the outcome of each installed tool on each mesh."""
     pythons = {name: sys.executable if name == OURS else python for name in TOOLS}
     versions = {name: found for name, python in pythons.items() if (found := version(name, python))}
     columns = {f"{name} {found}": measured(name, pythons[name]) for name, found in versions.items()}
@@ -171,7 +171,7 @@ def version(name: str, python: str) -> str:
 
 
 def measured(name: str, python: str) -> dict[str, str]:
-    """Return in words what a tool makes of each mesh."""
+    """Return a description of the outcome of a tool on each mesh."""
     meshes = dirty_meshes()
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / str(number) for number in range(len(meshes))]
@@ -189,7 +189,7 @@ def measured(name: str, python: str) -> dict[str, str]:
 
 
 def outcome(file: Path) -> np.ndarray | str:
-    """Return the vertices of a tool, or in words how it ended without any."""
+    """Return the vertices from a tool, or a description of how it failed."""
     ended = int(Path(f"{file}.signal").read_text())
     if ended:
         return f"**no end within {LIMIT_S} s**" if ended == signal.SIGXCPU else f"**the process dies** (signal {ended})"
@@ -200,7 +200,7 @@ def outcome(file: Path) -> np.ndarray | str:
 
 
 def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
-    """Return in words what came out: how many vertices are lost, not finite or far away, or that all is well."""
+    """Describe a result: how many vertices are lost, not finite or far away, or that there is no defect."""
     before = dirty.vertices.astype(float)
     if out.shape != before.shape:
         return f"**{len(before)} vertices become {len(out)}**"
@@ -261,7 +261,7 @@ def broken_guarantees(folders: Sequence[Path], method: str) -> int:
 
 
 def made(folder: Path) -> Iterator[tuple[Path, bool]]:
-    """Write malformed meshes in every format; yield each path, and whether it has to be denoised."""
+    """Write malformed meshes in every format; yield each path, and whether denoising must succeed."""
     formats = [format for format in FORMATS if format not in OPTIONAL or _is_written(format)]
     rng = np.random.default_rng(0)
     meshes = {name: (dirty.vertices, dirty.faces) for name, dirty in dirty_meshes().items()}
@@ -288,7 +288,7 @@ def found(folders: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
 
 
 def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[str, str]:
-    """Denoise a file; return the outcome in a word, and the guarantee that was broken, if any."""
+    """Denoise a file; return the outcome as one word, and the guarantee that was broken, if any."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = run(["denoise", str(path), "-o", str(output), "--method", method, "--force"])
@@ -303,7 +303,7 @@ def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[st
 
 
 def _difference(before: MeshFile, after: MeshFile) -> str:
-    """Return what differs besides positions and normals; empty if nothing does."""
+    """Return what differs apart from positions and normals; empty if nothing does."""
     if not np.isfinite(after.positions).all():
         return "a position is not finite"
     if before.positions.shape != after.positions.shape:
@@ -340,7 +340,7 @@ def _is_written(format: str) -> bool:
 
 
 def failing_cases(minutes: float, output: Path) -> int:
-    """Run random cases until the time is over; return 1 if any failed."""
+    """Run random cases until the time is up; return 1 if any failed."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     signal.signal(signal.SIGPROF, _hanging)
     end = time.monotonic() + 60 * minutes
@@ -367,7 +367,7 @@ def failing_cases(minutes: float, output: Path) -> int:
 
 
 def case(seed: int) -> str:
-    """Damage a mesh or a sample file; return what it was, and whether it was done or refused."""
+    """Denoise a damaged mesh or sample file; return its description, and whether it was denoised or refused."""
     sys.path.insert(0, str(Path(damage.__file__).parent / "io"))
     from test_io import SAMPLES, SAMPLES_FORMAT  # these tests skip if OpenUSD is not installed
     from test_usd import SCENE, archive, stored
