@@ -181,7 +181,7 @@ LIBRARIES = {
 
 
 def row(cases: list[Case]) -> tuple[list[str], list[str], list[str]]:
-    """Denoise each mesh; return the names of what is kept, what is computed anew, and what is lost."""
+    """Denoise each mesh; return the names of the attributes that are kept, recomputed and lost."""
     kept, renewed, lost = [], [], []
     for case in cases:
         if isinstance(case.mesh, tuple):

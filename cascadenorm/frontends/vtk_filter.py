@@ -58,7 +58,7 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         return self._method
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
-        """Say which types of data are taken."""
+        """Declare the accepted types of data."""
         for kind in INPUT_TYPES:
             info.Append(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), kind)
         return 1
