@@ -17,21 +17,21 @@ from cascadenorm.registry import Parameter, method
 TOLERANCE = 1e-4  # residual of the linear systems of a round, against that of zero
 LEAST_LENGTH = 1e-3  # mean edges; shorter edges and lines count as this long, which keeps the systems definite
 
-Fidelity = Annotated[
+TgvFidelity = Annotated[
     float,
     Parameter("α, weight of fidelity to the input normals relative to variation", "1 / mean edge length", minimum=1e-6),
 ]
 SecondOrder = Annotated[float, Parameter("β, weight of second-order relative to first-order variation", minimum=0)]
-Rounds = Annotated[int, Parameter("Number of iterations of the augmented Lagrangian", minimum=0)]
+TgvRounds = Annotated[int, Parameter("Number of iterations of the augmented Lagrangian", minimum=0)]
 
 
 @method("tgv-normal", source="after Liu, Li, Wang, Liu, Chen 2021", family="sparsity")
 def tgv_normal(
     mesh: Mesh,
     *,
-    fidelity: Fidelity = 0.75,
+    fidelity: TgvFidelity = 0.75,
     second_order: SecondOrder = 0.4,
-    rounds: Rounds = 40,
+    rounds: TgvRounds = 40,
     sweeps: Sweeps = 20,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
@@ -58,8 +58,8 @@ def tgv_normal(
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
-class Minimum(NamedTuple):
-    """What the rounds arrive at."""
+class TgvMinimum(NamedTuple):
+    """A minimiser and its multipliers."""
 
     normals: Vectors  # (m, 3), unit
     jumps: Vectors  # (e, 3) v of each interior edge
@@ -91,7 +91,7 @@ class GeneralizedVariation:
         self.normal_system = _system(self.pull, self.from_edges @ self.differences)
         self.jump_system = _system(self.lengths, self.from_corners @ self.sums)
 
-    def least(self, given: Vectors, *, rounds: int) -> Minimum:
+    def least(self, given: Vectors, *, rounds: int) -> TgvMinimum:
         """Minimise near the given normals n*, (m, 3) unit vectors."""
         normals, jumps = given.copy(), np.zeros((len(self.pairs), 3))
         duals, ties = np.zeros_like(jumps), np.zeros_like(jumps)
@@ -109,7 +109,7 @@ class GeneralizedVariation:
             weights = np.exp(-(row_lengths(differences) ** 4))
             parallel_for(len(duals), _shrink, differences - jumps, weights, duals, ties)
             parallel_for(len(corner_duals), _shrink, self.sums @ jumps, most, corner_duals, corner_ties)
-        return Minimum(normals, jumps, duals, corner_duals)
+        return TgvMinimum(normals, jumps, duals, corner_duals)
 
 
 def corner_sums(mesh: Mesh) -> tuple[Any, Floats]:

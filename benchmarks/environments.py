@@ -1,4 +1,4 @@
-"""Environments of their own for other libraries, so that they never change that of this project."""
+"""Separate environments for other libraries, so that they do not change the environment of this project."""
 
 import subprocess
 import sys
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def interpreter(environment: Path, packages: Sequence[str]) -> Path:
-    """Return the interpreter of an environment that has the packages, made and filled when first needed."""
+    """Return the interpreter of an environment with the packages. The environment is created on first use."""
     python = environment / ("Scripts" if sys.platform == "win32" else "bin") / "python"
     noted = environment / "installed.txt"
     if not python.exists():

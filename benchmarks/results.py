@@ -1,4 +1,4 @@
-"""Records of measurements as JSON files, and the tables that pages show of them.
+"""Records of measurements in JSON files, and the tables that pages show from them.
 
     python -m benchmarks.results [NAME ...]
 
@@ -96,14 +96,14 @@ def show(name: str, *, root: Path = ROOT) -> None:
 
 
 def table_of(function: str) -> Table:
-    """Import a function by its place below `benchmarks`; some benchmarks need packages that others do without."""
+    """Import a function by its path below `benchmarks`, when needed: some benchmarks need extra packages."""
     module, _, name = function.rpartition(".")
     found: Table = getattr(importlib.import_module(f"benchmarks.{module}"), name)
     return found
 
 
 def with_table(page: str, name: str, table: str) -> str:
-    """Return a page with another table between the markers of a record."""
+    """Return a page with the table between the markers of a record replaced."""
     begin, end = f"<!-- {name}: ", f"<!-- end of {name} -->"
     if page.count(begin) != 1 or page.count(end) != 1:
         raise SystemExit(f"the page must contain '{begin}... -->' and '{end}' exactly once")
@@ -119,7 +119,7 @@ def markdown(titles: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: b
 
 
 def machine() -> str:
-    """Return on what the figures were measured, in words."""
+    """Return a description of the machine and the versions."""
     return f"{thread_count()} threads, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
 
 

@@ -1,4 +1,4 @@
-"""Methods with their settings, as the accuracy benchmarks name and run them."""
+"""Names and settings of methods for the accuracy benchmarks."""
 
 import argparse
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ def add_methods(parser: argparse.ArgumentParser, default: Sequence[str]) -> None
 
 
 def chosen_methods(options: argparse.Namespace) -> list[str]:
-    """Return the methods that were asked for, or those that are measured by default."""
+    """Return the requested methods, or the default ones."""
     return list(dict.fromkeys(options.method or options.default_methods))
 
 
 def parsed(method: str) -> tuple[str, dict[str, Any]]:
-    """Return the name and the parameters of a method written as NAME:KEY=VALUE, or those that use a weights file."""
+    """Return the name and parameters of a method given as NAME:KEY=VALUE or as the path of a weights file."""
     if method.endswith(".safetensors"):
         return "auto", {"model": Path(method)}
     name, *settings = method.split(":")
@@ -36,7 +36,7 @@ def parsed(method: str) -> tuple[str, dict[str, Any]]:
 
 
 def denoised(mesh: Mesh, method: str) -> Mesh:
-    """Denoise a mesh by a method as `parsed` understands it."""
+    """Denoise a mesh by a method given as for `parsed`."""
     name, parameters = parsed(method)
     result: Mesh = cn.denoise(mesh, method=name, **parameters)
     return result

@@ -14,7 +14,7 @@ from cascadenorm.data_gen.meshing.tessellation import tessellate
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface, tetrahedral_surface
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.points import reconstruction
-from cascadenorm.data_gen.scanning.views import fused, view
+from cascadenorm.data_gen.scanning.views import fused, scanned_view
 from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
 from cascadenorm.data_gen.shapes import cad, organic
 from cascadenorm.data_gen.shapes.fields import DistanceField
@@ -96,7 +96,7 @@ class ShapeFamily:
             return segmentation(field, extent, faces=faces, slices=self.part == "slices", rng=rng)
         if self.part in ("view", "laser"):
             ratio = log_uniform((1.0, WIDEST_STEPS), rng=rng) if self.part == "laser" else 1.0
-            mesh = view(field, extent, faces=faces, rng=rng, ratio=ratio)
+            mesh = scanned_view(field, extent, faces=faces, rng=rng, ratio=ratio)
         elif self.part == "isosurface":
             mesh = isosurface(field, extent, faces=faces, rng=rng)
         elif self.part in ("low-poly", "decimated"):

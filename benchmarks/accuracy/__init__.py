@@ -1,1 +1,1 @@
-"""How close methods come to the true surface."""
+"""Benchmarks of accuracy: how close results are to the true surface."""

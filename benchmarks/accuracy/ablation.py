@@ -1,4 +1,4 @@
-"""Measure what each step from the published method to the model `auto` brings.
+"""Measure how much each change from the published method to the model of `auto` improves the result.
 
     python -m benchmarks.accuracy.ablation PAIRS [--count 1000] [--max-faces 4000] [--seeds 0 1 2] [--clusters 1 4]
         [--keep FOLDER] [--record]
@@ -38,7 +38,7 @@ ROOT = Path(__file__).parents[2]
 UNSEEN = 1_000_003  # seed of the generated pairs that are measured on
 
 Sets = dict[str, list[tuple[Mesh, Vectors]]]
-"""Noisy meshes and the true normals of their faces, which are zero where they are unknown, by what the meshes are."""
+"""Noisy meshes and the true normals of their faces (zero if unknown) by kind of mesh."""
 KINDS: dict[str, tuple[str, ...]] = {
     "depth cameras": ("view", "fused"),
     "segmentations": ("segmentation", "slices"),
@@ -49,7 +49,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 
 def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
-    """Return the settings of each rung, by what it adds to the one before; data and optimiser are those of `auto`."""
+    """Return the settings of each rung by what it adds to the previous one. Data and optimiser are those of `auto`."""
     step = replace(
         paper,
         seed=auto.seed,
@@ -78,7 +78,7 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
 
 
 def trained(config: TrainConfig, path: Path, generated: Path) -> Cascade:
-    """Train, or go on with a training, unless the model lies there already; models of other settings are replaced."""
+    """Train or resume training unless the model exists already. Models with other settings are replaced."""
     if path.exists() and (kept := Cascade.load(path)).card["config"] == json.loads(json.dumps(asdict(config))):
         return kept
     checkpoint = path.with_suffix(".training")
@@ -89,12 +89,12 @@ def trained(config: TrainConfig, path: Path, generated: Path) -> Cascade:
 
 
 def measured(cascade: Cascade, sets: Sets, each: Map) -> dict[str, float]:
-    """Mean angle of normals over the meshes of each set, in degrees."""
+    """Return the mean angle of normals over the meshes of each set, in degrees."""
     return {name: float(np.mean(list(each(partial(angle, cascade), meshes)))) for name, meshes in sets.items()}
 
 
 def angle(cascade: Cascade, pair: tuple[Mesh, Vectors]) -> float:
-    """Mean angle of the normals of a denoised mesh, in degrees; `measure` takes longer, since it knows more."""
+    """Return the mean angle of the normals of a denoised mesh in degrees. Faster than `measure`."""
     noisy, normals = pair
     known = normals.any(axis=1)
     denoised = noisy.moved(cascade.vertices(noisy))
@@ -102,7 +102,7 @@ def angle(cascade: Cascade, pair: tuple[Mesh, Vectors]) -> float:
 
 
 def measured_on(folder: Path, data: DatasetConfig, unseen: int) -> Sets:
-    """Return the pairs of a folder, and generated ones that no training has seen, `unseen` of each kind."""
+    """Return the pairs of a folder and generated pairs that were not used for training, `unseen` of each kind."""
     measured = {family for families in KINDS.values() for family in families}
     shapes = tuple(family for family in data.families if family not in measured)
     return {
@@ -117,19 +117,19 @@ def measured_on(folder: Path, data: DatasetConfig, unseen: int) -> Sets:
 
 
 def generated(data: DatasetConfig, count: int, **changes: object) -> list[tuple[Mesh, Vectors]]:
-    """Make pairs that no training has seen."""
+    """Generate pairs that were not used for training."""
     unseen = replace(data, seed=UNSEEN, count=count, **changes)
     return [(pair.noisy, pair.normals) for pair in pairs(unseen, workers=thread_count())]
 
 
 def cell(values: Iterable[float]) -> str:
-    """Mean over the seeds, and half of what lies between the least and the greatest."""
+    """Return the mean over the seeds and half the difference of the largest and the smallest value."""
     found = np.array(list(values))
     return f"{found.mean():.2f} ± {np.ptp(found) / 2:.2f}"
 
 
 def table(figures: results.Figures) -> str:
-    """Return a row for each rung and number of clusters: the means over the seeds, with half the spread."""
+    """Return a row for each rung and number of clusters: the means over the seeds and half their range."""
     rows: dict[tuple[str, int], list[dict[str, float]]] = {}
     for one in figures["trainings"]:
         rows.setdefault((one["rung"], one["clusters"]), []).append(one["degrees"])
@@ -150,7 +150,7 @@ def run(
     seeds: Sequence[int],
     clusters: Sequence[int],
 ) -> dict[str, Any]:
-    """Train and measure every rung, seed after seed; the figures are written after each training."""
+    """Train and measure every rung with each seed. The figures are written after each training."""
     keep.mkdir(parents=True, exist_ok=True)
     file = keep / "figures.json"
     known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}

@@ -1,4 +1,4 @@
-"""Measure what methods do to clean meshes, which should stay as they are, and to nearly clean ones.
+"""Measure how much methods change clean meshes, which should stay the same, and nearly clean ones.
 
     python -m benchmarks.accuracy.clean FOLDER [--method NAME ...] [--record NAME]
     python -m benchmarks.accuracy.clean --parts 100
@@ -42,7 +42,7 @@ TITLES = (
 
 
 class Change(NamedTuple):
-    """What a method did to a clean mesh.
+    """How a method changed a clean mesh.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def clean_meshes(folder: Path | None, parts: int = 0, *, seed: int = 0) -> Iterator[tuple[str, Mesh]]:
-    """Read the meshes of a folder, then generate parts; those that come out unfit are drawn again."""
+    """Read the meshes of a folder, then generate parts. Unsuitable parts are replaced."""
     if folder:
         files = [path for path in sorted(folder.iterdir()) if path.is_file() and is_mesh_name(path)]
         named = [(path.name, path) for path in files] or [(pair.name, pair.clean) for pair in find_pairs([folder])]
@@ -111,7 +111,7 @@ def clean_meshes(folder: Path | None, parts: int = 0, *, seed: int = 0) -> Itera
 
 
 def changes(meshes: Iterator[tuple[str, Mesh]], methods: Sequence[str]) -> dict[str, Any]:
-    """Return what each method does to each mesh."""
+    """Return how each method changes each mesh."""
     found: dict[str, Any] = {}
     for name, mesh in meshes:
         of_mesh = {method: change(mesh, running.denoised(mesh, method)) for method in methods}

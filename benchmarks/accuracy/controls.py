@@ -1,4 +1,4 @@
-"""Measure what smooth boundaries and creases gain: python -m benchmarks.accuracy.controls [--record]
+"""Measure the gain from smooth boundaries and creases: python -m benchmarks.accuracy.controls [--record]
 
 The figures are shown in benchmarks/controls.md. Noise is in mean edge lengths, in all directions.
 """
@@ -63,7 +63,7 @@ def sharp_edges(mesh: Mesh) -> np.ndarray:
 
 
 def table(figures: results.Figures) -> str:
-    """Return a table of boundaries and one of creases, each with what it shows."""
+    """Return a table of boundaries and one of creases, each with a caption."""
     boundary_titles = [f'`boundary="{kind}"`' for kind in BOUNDARIES]
     crease_titles = ["no creases", "its edges as creases", f"`creases={ANGLE}` degrees"]
     return "\n\n".join(

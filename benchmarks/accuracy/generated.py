@@ -1,4 +1,4 @@
-"""Measure methods on shapes that are generated from seeds that no training uses.
+"""Measure methods on generated shapes, with seeds that are not used for training.
 
     python -m benchmarks.accuracy.generated levels [--shapes 8] [--record]
     python -m benchmarks.accuracy.generated extractors [--shapes 8] [--voxels 60] [--record]
@@ -39,7 +39,7 @@ Maker = Callable[[ShapeFamily, float, np.random.Generator], Measured]
 
 
 def grainy(family: ShapeFamily, share: float, rng: np.random.Generator) -> Measured:
-    """Mesh a grey volume whose grain deviates by a share of the contrast."""
+    """Mesh a grey volume with noise whose standard deviation is a fraction of the contrast."""
     field = family.shape(0.05, rng)
     return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=5 * share, rng=rng)
 
@@ -72,7 +72,7 @@ def flying_edges(mask: Mask) -> Any:
 
 
 def surface_nets(mask: Mask, *, smoothed: bool) -> Any:
-    """Mesh by surface nets, which smooth the mesh within their constraints if asked to."""
+    """Mesh by surface nets, optionally with their constrained smoothing."""
     from vtkmodules.vtkFiltersCore import vtkSurfaceNets3D
 
     nets = vtkSurfaceNets3D()

@@ -39,12 +39,12 @@ REAL_ERRORS, PEERS = "real-errors", "peers"
 NOISY = "noisy"
 HEADING = "mean angle, degrees (RMS, edges)"
 STOPPED = (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM))
-"""Signals by which somebody has stopped a process, which then has not crashed."""
+"""Signals by which a user stops a process; such a process has not crashed."""
 
 Errors = Sequence[float]
 """Mean angle in degrees and RMS distance in mean edge lengths."""
 Measured = dict[str, list[Errors | None]]
-"""For each method or filter, its errors at each of its settings; None where it failed."""
+"""Errors of each method or filter at each of its settings; None if it failed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -111,7 +111,7 @@ def errors(mesh: Mesh, truth: Truth, *, edge: float) -> Errors:
 
 
 def figures_of(cases: Mapping[str, Measured]) -> dict[str, Any]:
-    """Return the means of each row over the cases of each kind; filters have a row for their defaults and one tuned."""
+    """Return the means of each row over the cases of each kind. Filters have one row with defaults and one tuned."""
     kinds: dict[str, list[Measured]] = {}
     for case, found in cases.items():
         kinds.setdefault(case.split("-")[0], []).append(found)
@@ -174,18 +174,18 @@ class Kept:
         self._cases: dict[str, Measured] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
     def of(self, case: str) -> Measured:
-        """Return what is known of a case."""
+        """Return the recorded errors on a case."""
         return self._cases.get(case, {})
 
     def add(self, case: str, found: Measured) -> None:
-        """Keep what was measured on a case."""
+        """Record the errors on a case."""
         self._cases[case] = self.of(case) | found
         self._path.parent.mkdir(parents=True, exist_ok=True)
         self._path.write_text(json.dumps(self._cases, indent=1), encoding="utf-8")
 
 
 def of_peers(python: Path, noisy: Mesh, names: Sequence[str], errors_of: Callable[[Mesh], Errors]) -> Measured:
-    """Run filters on a mesh by another interpreter, and measure the results of each setting."""
+    """Run filters on a mesh with another interpreter, and measure the results of each setting."""
     script = Path(__file__).with_name("peer_filters.py")
     found: Measured = {}
     with tempfile.TemporaryDirectory() as folder:

@@ -26,7 +26,7 @@ def vtk_poly_data(vertices, faces):
 
 
 def vtk_vertices(smoother):
-    """Return the vertices that a filter of VTK puts out."""
+    """Return the vertices of the output of a VTK filter."""
     from vtk.util.numpy_support import vtk_to_numpy
 
     smoother.Update()
@@ -135,11 +135,11 @@ FILTERS = {
     ),
     "MeshLib": (meshlib, [{}, *({"beta": b, "gamma": g} for b, g in ((0.003, 5.0), (0.03, 5.0), (0.01, 10.0)))]),
 }
-"""Function and settings of each filter, the first at its defaults."""
+"""Function and settings of each filter; the first settings are its defaults."""
 
 
 def main():
-    """Apply each setting of the filters named; where one fails, say so and go on."""
+    """Apply each setting of the named filters. Failures are reported and skipped."""
     given = np.load(sys.argv[1])
     for name in sys.argv[3:]:
         function, every = FILTERS[name]

@@ -127,7 +127,7 @@ PROGRAMS = {
 
 
 def simultaneous_update(mesh: Mesh, normals: Vectors, sweeps: int, *, fix_boundary: bool = False) -> Vectors:
-    """Fit vertices to normals as those programs do: all at once, folds ignored, the boundary fixed if so asked."""
+    """Fit vertices to normals as those programs do: simultaneously, ignoring folds; the boundary can be fixed."""
     vertices = mesh.vertices.copy()
     count = np.maximum(mesh.topology.vertex_faces.counts, 1)[:, None]
     free = ~(mesh.topology.boundary_vertices & fix_boundary)

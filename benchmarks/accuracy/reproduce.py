@@ -63,7 +63,7 @@ Changes made by `auto` to generated parts, which should stay as they are.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make everything and say where the page is."""
+    """Make everything and print the path of the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="PAIRS", help="folder of */noisy.* and */clean.*")
     parser.add_argument("out", type=Path, metavar="OUT", help="folder for the page; it is created")
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def evaluated(*words: str | Path) -> None:
-    """Evaluate from the command line; a failure ends everything."""
+    """Evaluate through the command line; a failure stops the script."""
     if code := run(["evaluate", *map(str, words), "--force"]):
         raise SystemExit(code)
 

@@ -37,9 +37,9 @@ METHODS = ("auto", "bilateral-normal", "guided-normal", "taubin")
 NOISY = "noisy"
 MEASURES = ("mean", "fair", "fair95")
 LARGEST_DISAGREEMENT = 12.0
-"""Angle between the fits to either half of the other scans, in degrees, from which on a face is not judged."""
+"""Largest angle in degrees between the fits to either half of the other scans for a face to be judged."""
 LARGEST_SCATTER = 0.03
-"""Of raw normals that are compared."""
+"""Largest scatter of raw normals that are compared."""
 
 Truth = Mapping[str, NDArray[Any]]
 

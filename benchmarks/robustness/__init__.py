@@ -1,1 +1,1 @@
-"""What methods do with malformed input, and with meshes of other libraries."""
+"""Benchmarks with malformed input and with meshes of other libraries."""

@@ -1,4 +1,4 @@
-"""Meshes with one thing wrong each, for docs/dirty-input.md, benchmarks/dirty_input.md and their tests."""
+"""Meshes with one defect each, for docs/dirty-input.md, benchmarks/dirty_input.md and their tests."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ UTM = (500_000.0, 5_000_000.0, 100.0)
 
 
 class Dirty(NamedTuple):
-    """A mesh and how it came from the sound one.
+    """A mesh and how it was made from the sound one.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Dirty(NamedTuple):
 
 
 def sound() -> Dirty:
-    """A noisy torus."""
+    """Return a noisy torus."""
     u, v = np.divmod(np.arange(AROUND * ACROSS), ACROSS)
     phi, psi = 2 * np.pi * u / AROUND, 2 * np.pi * v / ACROSS
     right, up, both = ((u + i) % AROUND * ACROSS + (v + j) % ACROSS for i, j in ((1, 0), (0, 1), (1, 1)))
@@ -43,7 +43,7 @@ def sound() -> Dirty:
 
 
 def tetrahedra(count: int) -> Dirty:
-    """So many components, some through others."""
+    """Return tetrahedra, some of which intersect."""
     shifts = np.random.default_rng(1).uniform(-50, 50, (count, 1, 3))
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float) + shifts
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]) + 4 * np.arange(count)[:, None, None]
@@ -51,7 +51,7 @@ def tetrahedra(count: int) -> Dirty:
 
 
 def dirty_meshes() -> dict[str, Dirty]:
-    """Each mesh by its name, the sound one first."""
+    """Return each mesh by its name, the sound one first."""
     vertices, faces = sound()[:2]
     count = len(vertices)
     middle = vertices[faces[0]].mean(axis=0)

@@ -2,6 +2,7 @@
 
     python -m benchmarks.robustness.malformed arrays [--python FILE] [--record]
     python -m benchmarks.robustness.malformed files [FOLDER ...] [--method NAME]
+    python -m benchmarks.robustness.malformed random [--minutes 60] [--seed SEED]
 
 `arrays` runs each tool on each mesh of dirty_meshes.py in a process of its own, with a limit of processor time and of
 memory, on arrays in memory and at its defaults. The table is that of benchmarks/dirty_input.md. Tools that the given
@@ -10,17 +11,25 @@ Python does not have get no column.
 `files` denoises a few hundred files on the command line: the same meshes and others, in every format and with colours
 and other values, and mesh files in the given folders. Each file must be denoised within two minutes, without a
 traceback, and keep its faces and values. Prints the outcomes; the exit status is 1 if a guarantee was broken.
+
+`random` damages files and meshes at random for some minutes. Every case is a seed. The first failing case at each place
+in the code is written to a folder, with its seed and traceback; `--seed` runs one of them again.
+tests/benchmarks/test_fuzz.py does the same for seconds.
 """
 
 import argparse
 import contextlib
 import io
 import re
+import resource
+import secrets
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+import traceback
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -45,7 +54,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 import damage
 from shapes import cube, grid, icosphere, noisy
 
-LIMIT_S = 120  # for a mesh: of processor time as arrays, of wall time as a file
+LIMIT_S = 120  # for a mesh: of processor time as arrays or at random, of wall time as a file
 MEMORY = 8 << 30  # bytes of address space for a mesh, code and libraries included
 TIMEOUT_S = 60 * LIMIT_S  # of wall time for all meshes
 LONGEST = 160  # characters of a message in the table
@@ -110,11 +119,11 @@ FORMATS = ("ply", "obj", "stl", "off", "glb", "gltf", "vtk", "vtu", "3mf", "dae"
 UNREADABLE, INVALID = 3, 4
 
 REFUSALS = ("a vertex is", "a face references", "no vertices", "points without")
-"""First words of the meshes that may be refused."""
+"""First words of the descriptions of meshes that may be refused."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure every tool that is installed, or denoise files; return 1 if a file broke a guarantee."""
+    """Measure every tool that is installed, or denoise files; return 1 if a file or a case broke a guarantee."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     arrays = commands.add_parser("arrays", help="in several tools")
@@ -123,7 +132,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files = commands.add_parser("files", help="on the command line")
     files.add_argument("folders", nargs="*", type=Path, help="further mesh files are looked for in these")
     files.add_argument("--method", default="auto")
+    fuzz = commands.add_parser("random", help="damaged at random")
+    fuzz.add_argument("--minutes", type=float, default=1.0)
+    fuzz.add_argument("--seed", type=int, help="one case alone, with its traceback")
+    fuzz.add_argument("--output", type=Path, default=Path("fuzz-failures"))
     options = parser.parse_args(arguments)
+    if options.command == "random":
+        warnings.simplefilter("error")
+        if options.seed is None:
+            return failing_cases(options.minutes, options.output)
+        print(case(options.seed))
+        return 0
     if options.command == "files":
         return broken_guarantees(options.folders, options.method)
     results.report(options.record, in_tools(options.python), table)
@@ -131,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def in_tools(python: str) -> dict[str, Any]:
-    """Return what each installed tool makes of each mesh."""
+    """Return the outcome of each installed tool on each mesh."""
     pythons = {name: sys.executable if name == OURS else python for name in TOOLS}
     versions = {name: found for name, python in pythons.items() if (found := version(name, python))}
     columns = {f"{name} {found}": measured(name, pythons[name]) for name, found in versions.items()}
@@ -152,7 +171,7 @@ def version(name: str, python: str) -> str:
 
 
 def measured(name: str, python: str) -> dict[str, str]:
-    """Return in words what a tool makes of each mesh."""
+    """Return a description of the outcome of a tool on each mesh."""
     meshes = dirty_meshes()
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / str(number) for number in range(len(meshes))]
@@ -170,7 +189,7 @@ def measured(name: str, python: str) -> dict[str, str]:
 
 
 def outcome(file: Path) -> np.ndarray | str:
-    """Return the vertices of a tool, or in words how it ended without any."""
+    """Return the vertices from a tool, or a description of how it failed."""
     ended = int(Path(f"{file}.signal").read_text())
     if ended:
         return f"**no end within {LIMIT_S} s**" if ended == signal.SIGXCPU else f"**the process dies** (signal {ended})"
@@ -181,7 +200,7 @@ def outcome(file: Path) -> np.ndarray | str:
 
 
 def judged(dirty: Dirty, out: np.ndarray, at_origin: np.ndarray) -> str:
-    """Return in words what came out: how many vertices are lost, not finite or far away, or that all is well."""
+    """Describe a result: how many vertices are lost, not finite or far away, or that there is no defect."""
     before = dirty.vertices.astype(float)
     if out.shape != before.shape:
         return f"**{len(before)} vertices become {len(out)}**"
@@ -242,7 +261,7 @@ def broken_guarantees(folders: Sequence[Path], method: str) -> int:
 
 
 def made(folder: Path) -> Iterator[tuple[Path, bool]]:
-    """Write malformed meshes in every format; yield each path, and whether it has to be denoised."""
+    """Write malformed meshes in every format; yield each path, and whether denoising must succeed."""
     formats = [format for format in FORMATS if format not in OPTIONAL or _is_written(format)]
     rng = np.random.default_rng(0)
     meshes = {name: (dirty.vertices, dirty.faces) for name, dirty in dirty_meshes().items()}
@@ -269,7 +288,7 @@ def found(folders: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
 
 
 def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[str, str]:
-    """Denoise a file; return the outcome in a word, and the guarantee that was broken, if any."""
+    """Denoise a file; return the outcome as one word, and the guarantee that was broken, if any."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = run(["denoise", str(path), "-o", str(output), "--method", method, "--force"])
@@ -284,7 +303,7 @@ def tried(path: Path, output: Path, method: str, *, must_work: bool) -> tuple[st
 
 
 def _difference(before: MeshFile, after: MeshFile) -> str:
-    """Return what differs besides positions and normals; empty if nothing does."""
+    """Return what differs apart from positions and normals; empty if nothing does."""
     if not np.isfinite(after.positions).all():
         return "a position is not finite"
     if before.positions.shape != after.positions.shape:
@@ -318,6 +337,56 @@ def _is_written(format: str) -> bool:
     except cn.OutputError:
         return False
     return True
+
+
+def failing_cases(minutes: float, output: Path) -> int:
+    """Run random cases until the time is up; return 1 if any failed."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    signal.signal(signal.SIGPROF, _hanging)
+    end = time.monotonic() + 60 * minutes
+    outcomes: Counter[str] = Counter()
+    failures: Counter[str] = Counter()
+    while time.monotonic() < end:
+        seed = secrets.randbelow(2**63)
+        signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
+        try:
+            outcomes[case(seed)] += 1
+        except Exception as error:
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            place = f"{Path(frame.filename).name}-{frame.lineno}-{type(error).__name__}"
+            if place not in failures:
+                output.mkdir(parents=True, exist_ok=True)
+                text = "".join(traceback.format_exception(error))
+                (output / f"{place}.txt").write_text(f"--seed {seed}\n\n{text}", encoding="utf-8")
+            failures[place] += 1
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
+    for name, count in [*outcomes.most_common(), *failures.items()]:
+        print(f"{count:8} {name}")
+    return int(bool(failures))
+
+
+def case(seed: int) -> str:
+    """Denoise a damaged mesh or sample file; return its description, and whether it was denoised or refused."""
+    sys.path.insert(0, str(Path(damage.__file__).parent / "io"))
+    from test_io import SAMPLES, SAMPLES_FORMAT  # these tests skip if OpenUSD is not installed
+    from test_usd import SCENE, archive, stored
+    from test_xml import COLLADA, entries, nested_3mf
+
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.3:
+        return f"mesh {'done' if damage.denoised(rng) == 'done' else 'refused'}"
+    model, scene = "3D/3dmodel.model", SCENE.encode()
+    scenes = {"3mf": entries(nested_3mf())[model], "dae": COLLADA.encode(), "usda": scene, "usdz": scene}
+    packed = {
+        "3mf": lambda content: nested_3mf({model: content}),
+        "usdz": lambda layer: archive({"layer.usda": layer}),
+    }
+    samples = {**SAMPLES, **scenes, "usdc": stored(scene, "usdc")}
+    name = sorted(samples)[rng.integers(len(samples))]
+    others = list(samples.values())
+    read = damage.read_damaged(SAMPLES_FORMAT.get(name, name), samples[name], rng, others, packed.get(name, bytes))
+    return f"{name} {'read' if read == 'read' else 'refused'}"
 
 
 def _hanging(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""Measure which attributes of meshes of other libraries survive denoising.
+"""Check which attributes of meshes of other libraries are kept by denoising.
 
     python -m benchmarks.robustness.round_trips [--record]
 
@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
 
 def of_trimesh() -> list[Case]:
-    """A mesh with colours, and one with a texture."""
+    """Return a mesh with colours and one with a texture."""
     visual = {"vertex_colors": COLORS, "face_colors": None}
     colored = trimesh.Trimesh(VERTICES, FACES, process=False, metadata={"unit": "mm"}, **visual)
     colored.vertex_attributes["value"], colored.face_attributes["value"] = VALUES, FACE_VALUES
@@ -77,7 +77,7 @@ def of_trimesh() -> list[Case]:
 
 
 def of_pyvista() -> list[Case]:
-    """A PolyData with arrays of every kind."""
+    """Return a PolyData with arrays of every kind."""
     mesh = importlib.import_module("pyvista").PolyData.from_regular_faces(VERTICES, FACES)
     mesh.point_data["value"], mesh.cell_data["value"], mesh.field_data["unit"] = VALUES, FACE_VALUES, ["mm"]
     mesh.point_data["rgba"] = COLORS
@@ -99,7 +99,7 @@ def of_pyvista() -> list[Case]:
 
 
 def of_open3d() -> list[Case]:
-    """A TriangleMesh with colours, normals and a texture."""
+    """Return a TriangleMesh with colours, normals and a texture."""
     open3d = importlib.import_module("open3d")
     vectors = open3d.utility.Vector3dVector
     mesh = open3d.geometry.TriangleMesh(vectors(VERTICES), open3d.utility.Vector3iVector(FACES))
@@ -124,7 +124,7 @@ def of_open3d() -> list[Case]:
 
 
 def of_meshio() -> list[Case]:
-    """A mesh with data, sets, and cells besides triangles."""
+    """Return a mesh with data, sets, and cells other than triangles."""
     meshio = importlib.import_module("meshio")
     shape = cn.Mesh(VERTICES, FACES)
     mesh = meshio.Mesh(
@@ -152,7 +152,7 @@ def of_meshio() -> list[Case]:
 
 
 def of_arrays() -> list[Case]:
-    """Vertices and faces as libigl, potpourri3d and PyMeshLab have them."""
+    """Return vertices and faces in the form that libigl, potpourri3d and PyMeshLab use."""
     kinds = {
         "float32": (VERTICES.astype(np.float32), FACES),
         "rows that are not contiguous (libigl)": (np.asfortranarray(VERTICES), np.asfortranarray(FACES)),
@@ -181,7 +181,7 @@ LIBRARIES = {
 
 
 def row(cases: list[Case]) -> tuple[list[str], list[str], list[str]]:
-    """Denoise each mesh; return the names of what is kept, what is computed anew, and what is lost."""
+    """Denoise each mesh; return the names of the attributes that are kept, recomputed and lost."""
     kept, renewed, lost = [], [], []
     for case in cases:
         if isinstance(case.mesh, tuple):

@@ -1,1 +1,1 @@
-"""How long methods take, and how much memory."""
+"""Benchmarks of time and memory."""

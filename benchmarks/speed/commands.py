@@ -28,17 +28,27 @@ from typing import Any, NamedTuple
 from benchmarks import results
 from benchmarks.environments import interpreter
 from benchmarks.speed.meshes import shuffled, wavy_torus
-from benchmarks.speed.processes import COMMAND, Run, timed
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import thread_count
 
+COMMAND = (sys.executable, "-m", "cascadenorm")
+WATCH = """
+import resource, subprocess, sys, time
+start = time.perf_counter()
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(time.perf_counter() - start, used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
+"""A small process that starts the command, because a new process is charged with the memory of its parent."""
+SETTINGS = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+"""Environment of a command, in which Python caches compiled modules as pip does during installation."""
 SIZES = {"10 k faces": (100, 50), "100 k faces": (250, 200), "1 M faces": (1000, 500), "5 M faces": (2500, 1000)}
 SMALL, SHUFFLED, LARGEST = "100 k faces", "1 M faces", "5 M faces"
 METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "tv-normal", "l0", "taubin")
 MAIN = ("auto", "bilateral-normal")
 """Methods that also run on the largest mesh, and on a shuffled one."""
 ENOUGH = 3, 10.0
-"""Runs of a command, of which the fastest counts, unless they have taken so many seconds before."""
+"""Number of runs, of which the fastest counts, and seconds after which no further run is started."""
 PEER = "PyMeshLab two-step"
 TWO_STEP = """
 import pymeshlab, sys
@@ -49,7 +59,7 @@ meshes.save_current_mesh(sys.argv[2])
 """
 
 INSTALLED = ("taubin", "bilateral-normal", "auto")
-"""Methods that run after an installation."""
+"""Methods that are timed after an installation."""
 WHEELS = ("universal", "for one platform")
 COUNT_COMPILED = """
 import resource, sys
@@ -99,6 +109,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         results.report(options.record, first_runs(options.wheels), first_run_table)
 
 
+class Run(NamedTuple):
+    """One command.
+
+    Parameters
+    ----------
+    seconds
+        Wall time.
+    processor
+        Processor time of all threads, user and system, in seconds.
+    memory
+        Peak of the resident memory, in bytes.
+    """
+
+    seconds: float
+    processor: float
+    memory: int
+
+
+def timed(command: Sequence[str | Path]) -> Run:
+    """Run a command; raises CalledProcessError if it fails."""
+    watched = [sys.executable, "-c", WATCH, *command]
+    done = subprocess.run(watched, check=True, stdout=subprocess.PIPE, text=True, env=SETTINGS)
+    seconds, processor, memory = done.stdout.split()
+    return Run(float(seconds), float(processor), int(memory) * (1 if sys.platform == "darwin" else 1024))
+
+
 def measured(methods: Sequence[str], peer: Path) -> list[dict[str, Any]]:
     """Return seconds and gibibytes of each command."""
     found: list[dict[str, Any]] = []
@@ -133,7 +169,7 @@ def measured(methods: Sequence[str], peer: Path) -> list[dict[str, Any]]:
 
 
 def fastest(command: Sequence[str | Path]) -> Run:
-    """Run a command several times if it is short, and return the fastest run."""
+    """Run a command, several times if it is short, and return the fastest run."""
     runs: list[Run] = []
     while len(runs) < ENOUGH[0] and sum(run.seconds for run in runs) < ENOUGH[1]:
         runs.append(timed(command))
@@ -141,7 +177,7 @@ def fastest(command: Sequence[str | Path]) -> Run:
 
 
 def table(figures: results.Figures) -> str:
-    """Return a row for each command, and how the times grow with the faces."""
+    """Return a row for each command and the growth of the times with the number of faces."""
     rows = [
         [
             ", ".join(word for word in (run["name"], run["size"]) if word),
@@ -159,7 +195,7 @@ def table(figures: results.Figures) -> str:
 
 
 def growth(figures: results.Figures) -> list[str]:
-    """Return with which power of the faces the times of methods grow."""
+    """Return the exponents with which the times of methods grow with the number of faces."""
     seconds = {(run["name"], run["size"]): run["seconds"] for run in figures["runs"]}
     lines = []
     for name in MAIN:
@@ -192,7 +228,7 @@ def first_runs(packages: Sequence[Path]) -> dict[str, Any]:
 
 
 def twice(mesh: Path, method: str, site: Path) -> tuple[FirstRun, FirstRun]:
-    """Denoise twice with the package in a folder; kernels are kept beside it, and there are none at first."""
+    """Denoise twice with the package in a folder. Kernels are cached next to it; the cache is empty at first."""
     environment = os.environ | {"PYTHONPATH": str(site), "NUMBA_CACHE_DIR": f"{site}-{method}"}
     words = ["denoise", mesh, "--method", method, "-o", f"{site}-{method}.ply", "--force", "--json"]
     command = [sys.executable, "-c", COUNT_COMPILED, *words]

@@ -1,4 +1,4 @@
-"""Measure reading, writing and Taubin smoothing beside other libraries, and the memory that reading takes.
+"""Compare reading, writing and Taubin smoothing with other libraries, and measure the memory of reading.
 
     python -m benchmarks.speed.files times [--environment DIR] [--turns 5] [--only KIND ...] [--record]
     python -m benchmarks.speed.files memory [--record]
@@ -36,9 +36,9 @@ PACKAGES = ("trimesh", "scipy", "meshio", "pyvista", "open3d", "pymeshlab")
 OURS, *PEERS = LIBRARIES
 VERBS = {"read": "read {}", "write": "write {}", "replace": "write {}, moved", "smooth": "Taubin smoothing"}
 ANEW = ("PLY", "STL", "OBJ", "GLB")
-"""Kinds of file that a mesh without a file is written as."""
+"""Kinds of file to which a mesh from arrays is written."""
 PAIRS = 10
-"""Of steps of Taubin smoothing."""
+"""Number of pairs of steps of Taubin smoothing."""
 FORMATS = {
     "PLY, binary": "ply",
     "GLB": "glb",
@@ -143,7 +143,7 @@ def stl_lines(mesh: Mesh) -> list[str]:
 
 
 def obj_lines(faces: np.ndarray, **tables: np.ndarray) -> list[str]:
-    """Return the lines of an OBJ file with six places, as most programs write them.
+    """Return the lines of an OBJ file with six decimals, as most programs write them.
 
     A corner has the same number in each table.
     """
@@ -157,7 +157,7 @@ def obj_lines(faces: np.ndarray, **tables: np.ndarray) -> list[str]:
 
 
 class Library:
-    """A library at work in a process of its own; `gone` where it is not installed, or has crashed."""
+    """A library in a separate process; `gone` if it is not installed or has crashed."""
 
     def __init__(self, name: str, python: str | Path, folder: Path) -> None:
         self.name, self._folder = name, folder
@@ -168,11 +168,11 @@ class Library:
 
     @property
     def gone(self) -> bool:
-        """Whether nothing more can be asked."""
+        """Whether the process has ended."""
         return self._process.poll() is not None
 
     def seconds(self, verb: str, path: Path | None = None) -> float | None:
-        """Return the processor time that a request took; None where it fails."""
+        """Return the processor time of a request; None if it failed."""
         if self.gone:
             return None
         assert self._process.stdin and self._process.stdout
@@ -192,7 +192,7 @@ class Library:
             return None
 
     def turn(self, verbs: Sequence[str], source: Path) -> dict[str, float | None]:
-        """Read a file, and do with it what is asked for besides."""
+        """Read a file and apply the other verbs; return the seconds of each."""
         target = self._folder / f"{self.name}-{source.name}"
         found: dict[str, float | None] = {"read": self.seconds("read", source)}
         for verb in verbs[1:]:
@@ -207,7 +207,7 @@ class Library:
 def measured(
     libraries: Sequence[Library], verbs: Sequence[str], source: Path, turns: int
 ) -> dict[str, list[float | None]]:
-    """Return the least time of each library at each verb."""
+    """Return the shortest time of each library for each verb."""
     found = [[library.turn(verbs, source) for library in libraries] for _ in range(turns)]
     return {
         verb: [
@@ -238,7 +238,7 @@ def _milliseconds(seconds: float | None) -> str:
 
 
 def memory() -> dict[str, Any]:
-    """Return the size of a file of each format and the memory that reading it takes, in bytes."""
+    """Return the size of a file of each format and the memory for reading it, in bytes."""
     found, program = {}, []
     with tempfile.TemporaryDirectory() as folder:
         meshes = {"small": wavy_torus(20, 10), "large": wavy_torus(*MILLION)}
@@ -270,7 +270,7 @@ def as_text(source: Path, target: Path) -> None:
 
 
 def memory_table(figures: results.Figures) -> str:
-    """Return a row for each format, those that take least first."""
+    """Return a row for each format, in increasing order of memory."""
     lower, upper = (bytes / 1e6 for bytes in figures["program"])
     rows = [[title, *(f"{bytes / 1e6:.0f} MB" for bytes in found)] for title, found in figures["formats"].items()]
     caption = (

@@ -1,4 +1,4 @@
-"""Measure what the kernels of methods do: how long each takes, and how often they go over the mesh.
+"""Measure the kernels of methods: the time of each, and the number of passes over the mesh.
 
     python -m benchmarks.speed.kernels times [--method NAME ...] [--environment DIR] [--record]
     python -m benchmarks.speed.kernels counts [--record REASON]
@@ -17,10 +17,13 @@ import json
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tracemalloc
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -30,11 +33,10 @@ import numpy as np
 
 from benchmarks import results
 from benchmarks.environments import interpreter
-from benchmarks.speed.kernel_use import BLOCKS, Use, watched
 from benchmarks.speed.meshes import MILLION, wavy_torus
 from cascadenorm import denoise
 from cascadenorm.learned.methods import shipped
-from cascadenorm.mesh import Mesh, one_blas_thread
+from cascadenorm.mesh import Mesh, in_blocks, one_blas_thread, parallel_for
 
 METHODS = ("auto", "bilateral-normal")
 PROGRAM = """
@@ -43,16 +45,18 @@ from cascadenorm import denoise
 denoise(wavy_torus(*MILLION), method={method!r}, threads=1)
 """
 LEAST = 0.01
-"""Share of the time of a method from which a kernel has a row of its own."""
+"""Smallest fraction of the time of a method for a kernel to have its own row."""
+BLOCKS = "matrix products in blocks"
+"""Label of the calls of `in_blocks`, without the kernels that they call."""
 TITLES = ("kernel", "rows a face", "bytes a face", "ns a face", "share", "speed", "of the best")
 
 # of flame graphs
 RATE = 100
 """Samples a second."""
 WIDTH, HEIGHT, LETTER = 1200, 18, 6.6
-"""Of the picture, of a call and of a letter, in pixels."""
+"""Width of the picture, height of a call and width of a letter, in pixels."""
 LEAST_DRAWN = 0.003
-"""Share of the time from which a call is drawn."""
+"""Smallest fraction of the time for a call to be drawn."""
 COLORS = ("#f4a261", "#e9c46a", "#f6bd60", "#f28482")
 
 # of counts
@@ -61,14 +65,14 @@ COUNTED = ("auto", "cascade", "bilateral-normal", "guided-normal", "tv-normal", 
 COUNTED_SIZE = 100, 50
 """Steps of the torus: 10,000 faces."""
 TOLERANCE = {"rows a face": 0.001, "bytes a face": 0.01, "memory, bytes a face": 0.05}
-"""By how much a count may grow; memory depends a little on the version of Python."""
+"""Relative increase of a count that is allowed. Memory depends slightly on the version of Python."""
 
 Stack = tuple[str, ...]
 Counts = dict[str, float]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure or count; return 1 if a count has grown."""
+    """Measure or count; return 1 if a count has increased."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     times = commands.add_parser("times", help="of each kernel")
@@ -92,6 +96,95 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+@dataclass
+class Use:
+    """Calls, time and memory traffic of a kernel.
+
+    Parameters
+    ----------
+    rows
+        Faces, vertices or edges that it went over, all passes together.
+    bytes
+        Least that it reads and writes: each array once a pass, as far as the pass goes over it.
+    times
+        Processor time of each call, in seconds.
+    """
+
+    rows: int = 0
+    bytes: float = 0.0
+    times: list[float] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of all threads."""
+        return sum(self.times)
+
+
+class _Clock(threading.local):
+    """Processor time of the calls inside the current one, for each thread."""
+
+    inner = 0.0
+
+
+@contextmanager
+def watched() -> Iterator[dict[str, Use]]:
+    """Record the kernels called inside the block by module and name."""
+    uses: dict[str, Use] = defaultdict(Use)
+    clock = _Clock()
+
+    def timed(use: Use, work: Callable[..., Any]) -> Callable[..., Any]:
+        def done(*arguments: Any) -> Any:
+            before, outer, clock.inner = time.thread_time(), clock.inner, 0.0
+            try:
+                return work(*arguments)
+            finally:
+                spent = time.thread_time() - before
+                use.times.append(spent - clock.inner)
+                clock.inner = outer + spent
+
+        return done
+
+    def over_ranges(count: int, run: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
+        name = f"{run.__module__.removeprefix('cascadenorm.')}.{run.__name__.strip('_')}"
+        use = uses[name]
+        use.rows += count
+        use.bytes += least_bytes(count, arguments)
+        return parallel_for(count, timed(use, run), *arguments, **settings)
+
+    def over_blocks(count: int, run: Callable[..., Any]) -> Any:
+        use = uses[BLOCKS]
+        use.rows += count
+        return in_blocks(count, timed(use, run))
+
+    replaced = {parallel_for: over_ranges, in_blocks: over_blocks}
+    modules = [module for name, module in sys.modules.items() if name.startswith("cascadenorm.")]
+    places = [(vars(m), key, value) for m in modules for key, value in vars(m).items() if _is_key(value, replaced)]
+    try:
+        for names, key, value in places:
+            names[key] = replaced[value]
+        yield uses
+    finally:
+        for names, key, value in places:
+            names[key] = value
+
+
+def _is_key(value: object, keys: dict[Any, Any]) -> bool:
+    return any(value is key for key in keys)
+
+
+def least_bytes(count: int, arguments: tuple[Any, ...]) -> float:
+    """Return the least traffic of a pass over `count` rows: its arrays, or the part of them that it covers."""
+    arrays = {id(a): a for argument in arguments for a in _arrays(argument)}.values()
+    lengths = [len(a) for a in arrays if a.ndim > 1 and a.dtype.kind == "f"]
+    return sum(a.nbytes for a in arrays) * min(1.0, count / max(1, min(lengths, default=count)))
+
+
+def _arrays(argument: Any) -> list[np.ndarray[Any, Any]]:
+    if isinstance(argument, np.ndarray):
+        return [argument]
+    return [a for a in argument if isinstance(a, np.ndarray)] if isinstance(argument, tuple) else []
+
+
 def account(mesh: Mesh, method: str) -> dict[str, Any]:
     """Denoise a mesh on one thread; return nanoseconds a face in all, and the figures of each large kernel."""
     denoise(wavy_torus(40, 30), method=method, threads=1)  # kernels are compiled before
@@ -105,7 +198,7 @@ def account(mesh: Mesh, method: str) -> dict[str, Any]:
 
 
 def figures_of(name: str, use: Use, faces: int) -> dict[str, Any]:
-    """Return what a kernel did for each face, and how fast: in GB/s, networks in GFLOP/s."""
+    """Return the work of a kernel for each face and its speed in GB/s, or GFLOP/s for networks."""
     if name == BLOCKS:
         speed = 1e-9 * network_operations() * faces / use.seconds
         return {"name": None, "nanoseconds": 1e9 * use.seconds / faces, "speed": speed}
@@ -152,7 +245,7 @@ def shortest(work: Callable[[], object], times: int = 7) -> float:
 
 
 def table(figures: results.Figures) -> str:
-    """Return what a thread reaches at best, and a section for each method with a row for each kernel."""
+    """Return the highest speed of a thread, and a section for each method with a row for each kernel."""
     best = figures["best"]
     parts = [
         f"{figures['machine']}. The best that a thread reaches here is {best['memory']:.1f} GB/s for a copy of a large "
@@ -193,7 +286,7 @@ def picture(method: str) -> str:
 
 
 class Call(NamedTuple):
-    """A rectangle: a call, its depth, and when it begins and ends, in samples."""
+    """A rectangle of the picture: a call, its depth, and its begin and end in samples."""
 
     name: str
     depth: int
@@ -226,7 +319,7 @@ def sampled(program: str, first: str, environment: Path) -> Counter[Stack]:
 
 
 def calls(stacks: Counter[Stack], depth: int = 0, begin: int = 0) -> list[Call]:
-    """Return the calls at a depth of stacks that agree up to there, and all that these call, longest first."""
+    """Return the calls at a depth, for stacks with equal callers, and all calls below them, longest first."""
     inside: dict[str, Counter[Stack]] = {}
     for stack, count in stacks.items():
         if len(stack) > depth:
@@ -239,7 +332,7 @@ def calls(stacks: Counter[Stack], depth: int = 0, begin: int = 0) -> list[Call]:
 
 
 def drawn(stacks: Counter[Stack]) -> str:
-    """Return an SVG picture; the width of a call is its share of the time, what it calls is below it."""
+    """Return an SVG picture. The width of a call is its fraction of the time; its callees are below it."""
     total = stacks.total()
     large = [call for call in calls(stacks) if call.end - call.begin >= LEAST_DRAWN * total]
     height = HEIGHT * (1 + max(call.depth for call in large))
@@ -292,7 +385,7 @@ def counted(mesh: Mesh, method: str) -> Counts:
 
 
 def grown(before: dict[str, Counts], now: dict[str, Counts]) -> list[str]:
-    """Say which counts have grown by more than their tolerance."""
+    """Describe the counts that have increased by more than their tolerance."""
     return [
         f"{method}: {name} {before[method][name]:,} -> {count:,}"
         for method, counts in now.items()

@@ -1,4 +1,4 @@
-"""Meshes that the benchmarks of speed work on."""
+"""Meshes for the benchmarks of speed."""
 
 import numpy as np
 

@@ -32,7 +32,7 @@ from cascadenorm.mesh import Mesh
 NOISE = 0.2
 """Standard deviation in all directions, in mean edge lengths."""
 LIMIT_S = 1800.0
-"""Of one run."""
+"""Time limit of one run."""
 HARMONICS_SIZES = (20_000, 50_000, 100_000, 500_000)
 HARMONICS_TITLES = ("vertices", "Lanczos", "approximate", "ratio", "error of the lower half, at most", "of all")
 
@@ -70,7 +70,7 @@ def classical_methods(names: Sequence[str], faces: Sequence[int]) -> dict[str, A
 
 
 def measured(name: str, faces: int) -> dict[str, Any]:
-    """Run one method in a new process; return its figures, or why it failed."""
+    """Run one method in a new process; return its figures, or the reason why it failed."""
     command = [sys.executable, "-m", "benchmarks.speed.methods", "classical", "--run", name, "--faces", str(faces)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
@@ -96,7 +96,7 @@ def run(name: str, faces: int) -> dict[str, float]:
 
 
 def torus(faces: int) -> Mesh:
-    """Return a rippled torus of about that many faces, with noise."""
+    """Return a rippled torus with about that many faces and noise."""
     size = round((faces / 2) ** 0.5)
     v, u = np.divmod(np.arange(size * size), size)
     next_u, next_v = (u + 1) % size, (v + 1) % size
@@ -125,7 +125,7 @@ def _cell(found: dict[str, Any]) -> str:
 
 
 def eigenpairs(sizes: Sequence[int], count: int) -> dict[str, Any]:
-    """Compare the approximate eigenpairs with exact ones on noisy tori of about so many vertices."""
+    """Compare the approximate eigenpairs with exact ones on noisy tori with about these numbers of vertices."""
     meshes: list[dict[str, Any]] = []
     fast_harmonics(wavy_torus(126, 63), 20)  # kernels are compiled once, and kept
     for vertices in sizes:
@@ -136,7 +136,7 @@ def eigenpairs(sizes: Sequence[int], count: int) -> dict[str, Any]:
 
 
 def compared(mesh: Mesh, count: int) -> dict[str, Any]:
-    """Return the seconds of both ways, and the largest relative errors of the approximate eigenvalues."""
+    """Return the seconds of both computations, and the largest relative errors of the approximate eigenvalues."""
     fast_seconds, fast = timed(fast_harmonics, mesh, count)
     exact_seconds, exact = timed(manifold_harmonics, mesh, count)
     errors = fast.values[1:] / exact.values[1:] - 1  # the first is 0

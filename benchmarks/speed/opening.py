@@ -1,4 +1,4 @@
-"""Measure what it takes to see a mesh of a million faces, in the studio and in a report.
+"""Measure how long it takes to show a mesh of a million faces in the studio and in a report.
 
     python -m benchmarks.speed.opening [--record]
 
@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from benchmarks import results
+from benchmarks.speed.commands import COMMAND, timed
 from benchmarks.speed.meshes import MILLION, wavy_torus
-from benchmarks.speed.processes import COMMAND, timed
 from cascadenorm.io.interop import save_mesh
 
 sys.path.append(str(Path(__file__).parents[2] / "tests"))
@@ -37,7 +37,7 @@ class Process(NamedTuple):
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure each, with kernels compiled before."""
+    """Measure both; kernels are compiled beforehand."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     results.add_option(parser, "opening")
     options = parser.parse_args(arguments)
@@ -104,18 +104,18 @@ def wait(browser: Browser, there: Callable[[], bool]) -> None:
 
 
 def drawn(browser: Browser) -> None:
-    """Wait until the browser has drawn what it was told to draw: a pixel of the page is asked for."""
+    """Wait until the browser has finished drawing, by requesting a pixel of the page."""
     browser.settle()
     browser.driver.get_screenshot_as_png()
 
 
 def spent_by_browser(browser: Browser) -> float:
-    """Processor seconds of all processes of the browser."""
+    """Return the processor seconds of all processes of the browser."""
     return spent_below(browser.driver.service.process.pid)
 
 
 def spent_below(pid: int) -> float:
-    """Processor seconds of the processes that a process has started, directly or not."""
+    """Return the processor seconds of all descendants of a process."""
     known = processes()
 
     def descends(one: int) -> bool:
@@ -126,7 +126,7 @@ def spent_below(pid: int) -> float:
 
 
 def processes() -> dict[int, Process]:
-    """What runs on this machine, by number."""
+    """Return the processes of this machine by number."""
     found = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:

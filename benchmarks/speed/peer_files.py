@@ -15,7 +15,7 @@ MISSING = 3
 
 
 def is_text(path):
-    """Whether a file to be written is STL as text."""
+    """Whether a path stands for an STL file in text form."""
     return path.endswith("text.stl")
 
 
@@ -39,7 +39,7 @@ def cascadenorm(pairs):
 
 
 def trimesh(pairs):
-    """Close the seams of STL alone, since elsewhere that would join other vertices too."""
+    """Close only the seams of STL; in other formats that would also join other vertices."""
     import trimesh
 
     return (
@@ -50,7 +50,7 @@ def trimesh(pairs):
 
 
 def meshio(_):
-    """Close no seams: it has nothing for that."""
+    """Close no seams: meshio has no function for that."""
     import meshio
 
     def write(mesh, path):
@@ -71,7 +71,7 @@ def pyvista(pairs):
 
 
 def open3d(pairs):
-    """Close the seams of STL, and give it the normals without which it is not written."""
+    """Close the seams of STL, and compute the normals that Open3D needs to write it."""
     from open3d.io import read_triangle_mesh, write_triangle_mesh
 
     def read(path):

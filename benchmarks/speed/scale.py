@@ -1,4 +1,4 @@
-"""Measure large meshes in patches and batches of many files, and plan larger ones from what was measured.
+"""Measure large meshes in patches and batches of many files, and extrapolate to larger ones.
 
     python -m benchmarks.speed.scale meshes 1 4 [--memory 2GB] [--method auto] [--only-patches] [--record]
     python -m benchmarks.speed.scale files 10000 [--side 24] [--method auto] [--workers 2]
@@ -24,18 +24,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import results
-from benchmarks.speed.processes import COMMAND, timed
+from benchmarks.speed.commands import COMMAND, timed
 from cascadenorm.api.patch_sizes import MAX_PATCH_FACES, PATCH_FACE_BYTES, WHOLE_FACE_BYTES
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 FEW = 60
-"""Squares along the side of the sheet that shows what a process takes without a large mesh."""
+"""Squares along the side of the sheet that shows the base memory of a process."""
 BYTES = 19
-"""Bytes of a face in a binary PLY file: 13, and half a vertex of 12."""
+"""Bytes for each face in a binary PLY file: 13, plus 6 for half a vertex."""
 REQUESTS = 8
-"""Requests to a store for a file that fits into one part; tests/batch/test_remote_files.py counts them."""
+"""Requests to an object store for a file that fits into one part; tests/batch/test_remote_files.py counts them."""
 IN_PATCHES = "auto, cascade, bilateral-normal or guided-normal"
 """Methods whose memory in patches docs/patches.md states."""
 SIZES = {"100 k faces": 1e5, "1 M faces": 1e6}
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def large_meshes(options: argparse.Namespace) -> dict[str, Any]:
-    """Denoise sheets with and without `--memory`; a record keeps the figures of other methods."""
+    """Denoise sheets with and without `--memory`. The figures of other methods in a record are kept."""
     runs: list[dict[str, Any]] = []
     if options.record:
         runs = [run for run in results.read(options.record)["runs"] if run["method"] != options.method]
@@ -135,7 +135,7 @@ def table(figures: results.Figures) -> str:
 
 
 def many_files(count: int, side: int, method: str, workers: int) -> str:
-    """Denoise many small files, and say in words where the time went."""
+    """Denoise many small files, and describe where the time was spent."""
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -161,7 +161,7 @@ def sheet(side: int, rng: np.random.Generator) -> Mesh:
 
 
 def shares(lines: list[dict[str, Any]], wall: float, workers: int) -> str:
-    """Return where the time went, without the first files of each process, which load libraries and compile."""
+    """Return how the time is divided, without the first files of each process, which load libraries and compile."""
     ended = [(datetime.fromisoformat(line["time"]).timestamp(), line) for line in lines if line["status"] == "done"]
     begin, steady = ended[4 * workers][0], [line for _, line in ended[4 * workers + 1 :]]
     span = workers * (ended[-1][0] - begin)
@@ -197,7 +197,7 @@ def rates(commands: results.Figures) -> dict[str, Rate]:
 
 
 def plan_table(prices: results.Figures) -> str:
-    """Return the tables of many scans and of one huge mesh, with what they assume."""
+    """Return the tables of many scans and of one huge mesh, with their assumptions."""
     commands = results.read("commands")
     threads, methods = commands["threads"], rates(commands)
     size = BYTES * SCAN / 1e6
@@ -215,7 +215,7 @@ def plan_table(prices: results.Figures) -> str:
 
 
 def scans_table(threads: int, methods: dict[str, Rate], scans: float, faces: float, price: float, fee: float) -> str:
-    """Return rows for so many scans, at a price of a core hour and of a thousand requests."""
+    """Return rows for a number of scans, given the price of a core hour and of a thousand requests."""
     titles = ["method", "core hours", "hours on 1,000 cores", "GB of memory a process", "cost of cores", "of requests"]
     rows = []
     for name, rate in methods.items():
@@ -229,7 +229,7 @@ def scans_table(threads: int, methods: dict[str, Rate], scans: float, faces: flo
 
 
 def huge_table(methods: dict[str, Rate], faces: float) -> str:
-    """Return rows for one mesh of so many faces, in memory and in patches."""
+    """Return rows for one mesh with a number of faces, in memory and in patches."""
     rows = []
     for name, rate in methods.items():
         hours, memory = (rate.start + rate.slope * faces) / 3600, rate.memory * faces / 1e9

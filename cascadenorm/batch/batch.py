@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cascadenorm.api.api import DEFAULT_METHOD
-from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, listed
+from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, source_names
 from cascadenorm.batch.manifest import MANIFEST_NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
 from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
-from cascadenorm.batch.settings import settings_of
+from cascadenorm.batch.settings import batch_settings
 from cascadenorm.batch.watching import SCAN, Watched
 from cascadenorm.batch.work import BatchSettings, Outcome, Task, work
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
@@ -135,7 +135,7 @@ def denoise_files(
     """
     _check_numbers(timeout, retries=retries, workers=workers, watch=watch)
     format = None if format is None else output_format(f".{format}")  # ".STL" is "stl"
-    settings, threads, listener = settings_of(method, parameters or {}, controls, format, force=force)
+    settings, threads, listener = batch_settings(method, parameters or {}, controls, format, force=force)
     here = _this_machine(workers, threads, memory, scheduler)
     folder: str | Path = str(output).rstrip("/") if is_url(output) else Path(output)
     record = _manifest_path(folder, manifest)
@@ -143,13 +143,13 @@ def denoise_files(
     jobs = find_jobs(sources, folder, format, skipped=skipped)
     if watch is None:
         check_sources(sources, folder, jobs)
-    processes = _started(settings, here, workers, scheduler, [*listed(sources), output])
+    processes = _started(settings, here, workers, scheduler, [*source_names(sources), output])
     with closing(processes), closing(Manifest(record)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
         if watch is None:
             run.all(jobs)
         else:
-            names, find = ", ".join(listed(sources)), partial(find_jobs, sources, folder, format)
+            names, find = ", ".join(source_names(sources)), partial(find_jobs, sources, folder, format)
             run.all([], Watched(find, watch, lambda error: run.tell(Failure(names, error))))
     return run.done._replace(skipped=skipped)
 

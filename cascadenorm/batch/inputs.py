@@ -43,7 +43,7 @@ def find_jobs(
     not read, nor are results that `denoise` wrote beside their sources, whose names are added to `skipped`. Raises
     ReadError if only some of the sources are URLs, or if a server does not answer.
     """
-    places = listed(sources)
+    places = source_names(sources)
     remote = list(map(is_url, places))
     if any(remote) and not all(remote):
         raise ReadError("some sources are URLs and others are not: denoise them in separate batches")
@@ -99,7 +99,7 @@ def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator
 def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:
     """Reject a batch without files with ReadError, and one with two files of the same output path with OutputError."""
     if not jobs:
-        named = ", ".join(listed(sources))
+        named = ", ".join(source_names(sources))
         raise ReadError(
             f"{named}: no mesh files were found (those in the output folder {folder} are not read)",
             hint='check the names, and quote patterns, such as "scans/**/*.ply"',
@@ -118,7 +118,7 @@ def same_output(one: Job, other: Job) -> OutputError:
     )
 
 
-def listed(sources: Sources) -> list[str]:
+def source_names(sources: Sources) -> list[str]:
     """Return the names of one or several sources."""
     return [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
 

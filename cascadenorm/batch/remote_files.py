@@ -97,7 +97,7 @@ def _version(system: Any, path: str) -> str:
         return ""
 
 
-def put(folder: Path, url: str) -> None:
+def upload(folder: Path, url: str) -> None:
     """Upload a folder to that of a URL, the named file last, so that it is never incomplete. Raises OutputError."""
     check_writable(url)
     with _reached(url, OutputError, "written") as (system, path):

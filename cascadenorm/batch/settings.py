@@ -23,7 +23,7 @@ NO_RESULT = ("threads", "progress")
 """Controls that do not affect a result; they apply to the whole batch."""
 
 
-def settings_of(
+def batch_settings(
     method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
 ) -> tuple[BatchSettings, int | None, Listener | None]:
     """Check the settings; return them, the number of threads and the listener. Raises ParameterError."""

@@ -15,7 +15,7 @@ from cascadenorm.api import api
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
-from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, put
+from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, upload
 from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest
@@ -135,7 +135,7 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
         written = file_and_buffers_digest(output)
         if is_url(job.output):
             _check_target(settings, task)
-            put(output.parent, job.output)
+            upload(output.parent, job.output)
     return Outcome(
         status="done",
         input_digest=digest,

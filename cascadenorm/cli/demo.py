@@ -61,7 +61,7 @@ def demo(
     return done
 
 
-def draw(done: Evaluation, folder: Path) -> None:
+def draw_demo(done: Evaluation, folder: Path) -> None:
     """Write the pictures to a folder, with one row per example: the meshes and the true shape, and the errors.
 
     Raises OutputError if the folder cannot be written.
@@ -75,7 +75,7 @@ def draw(done: Evaluation, folder: Path) -> None:
 def _rows(done: Evaluation) -> Iterator[tuple[list[Panel], list[Panel]]]:
     """Yield the panels of each example: the noisy, denoised and true meshes, and all but the last with their errors."""
     for pair in done.pairs:
-        *meshes, clean = meshes_of(done, pair)
+        *meshes, clean = example_meshes(done, pair)
         angles = (one.measures.normal_error_deg for one in done.results if one.pair == pair.name)
         captions = [f"{method} {angle:.1f}°" for method, angle in zip(done.methods, angles, strict=True)]
         style = Style(size=400, direction=EXAMPLES[pair.name])
@@ -85,7 +85,7 @@ def _rows(done: Evaluation) -> Iterator[tuple[list[Panel], list[Panel]]]:
         yield panels(plain, views), panels(colored, views[:-1])
 
 
-def meshes_of(done: Evaluation, pair: FilePair) -> list[Mesh]:
+def example_meshes(done: Evaluation, pair: FilePair) -> list[Mesh]:
     """Return the noisy mesh of an example, those of the methods, and the true one."""
     assert done.records is not None
     files = [done.records.mesh_file(pair.name, method) for method in done.methods]

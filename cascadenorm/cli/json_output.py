@@ -11,13 +11,13 @@ if TYPE_CHECKING:  # imported for type checking only, because each command would
     from cascadenorm.mesh import Mesh
     from cascadenorm.registry import Method
 
-VERSION = 1
+SCHEMA_VERSION = 1
 """Version of the schema; it changes if a key is renamed, removed or redefined, but not if one is added."""
 
 
 def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
     """Print the JSON object of a command to stdout or another file."""
-    print(json_text({"version": VERSION, "command": command, **content}, indent=2), file=file)
+    print(json_text({"version": SCHEMA_VERSION, "command": command, **content}, indent=2), file=file)
 
 
 def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:

@@ -35,7 +35,7 @@ JsonOption = Annotated[
     bool, typer.Option("--json", help="Print the result as one JSON object, described in docs/json.md.")
 ]
 
-OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
+CONTROL_OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that have a command line option."""
 OTHER_OPTIONS = {
     "count", "crop", "dataset", "distance", "drop_components", "force", "keep", "limits", "log", "manifest", "memory",
@@ -48,15 +48,15 @@ Command = Callable[..., None]
 
 def setting_name(name: str, value: object = None) -> str:
     """Return the command line option of a setting, for messages; parameters of methods keep their names."""
-    if name in OPTIONS:
-        option = OPTIONS[name].option
-        return option if value is None or OPTIONS[name].about.flag else f"{option} {value}"
+    if name in CONTROL_OPTIONS:
+        option = CONTROL_OPTIONS[name].option
+        return option if value is None or CONTROL_OPTIONS[name].about.flag else f"{option} {value}"
     return f"--{name.replace('_', '-')}" if name in OTHER_OPTIONS else name
 
 
 def control_options(*names: str) -> Callable[[Command], Command]:
     """Add options for all controls, or for the named ones, to a command with keyword arguments `**controls`."""
-    settings = [OPTIONS[name] for name in names or OPTIONS]
+    settings = [CONTROL_OPTIONS[name] for name in names or CONTROL_OPTIONS]
 
     def with_options(command: Command) -> Command:
         @wraps(command)

@@ -9,13 +9,6 @@ import typer
 from cascadenorm.render.camera import AROUND, Up, direction_of_angles, named_direction
 
 
-def upward(up: str) -> Up:
-    """Parse the axis that points up in the picture."""
-    if up not in ("x", "y", "z"):
-        raise typer.BadParameter(f"--up {up}: it must be x, y or z")
-    return cast(Up, up)
-
-
 def view_direction(view: str | None, *, up: Up) -> tuple[float, ...] | None:
     """Parse the direction to the viewer: a name, two angles in degrees, or a vector."""
     if view is None:

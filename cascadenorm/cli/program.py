@@ -61,7 +61,8 @@ def run(arguments: Sequence[str]) -> int:
         return FAILED
     except USAGE_ERROR as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
-        message = _with_value(message.removeprefix("Invalid value: "), error, arguments)
+        message = message.removeprefix("Invalid value: ").replace(": Value error, ", ": ")
+        message = _with_value(message, error, arguments)
         if message:  # empty if help was requested and printed
             context = getattr(error, "ctx", None)
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:

@@ -9,7 +9,7 @@ from textwrap import indent
 from typing import TYPE_CHECKING, TextIO
 
 from cascadenorm.cli.errors import notify
-from cascadenorm.cli.options import OPTIONS
+from cascadenorm.cli.options import CONTROL_OPTIONS
 from cascadenorm.errors import counted
 
 if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need
@@ -29,7 +29,7 @@ BARS = "▁▂▃▄▅▆▇█"
 CHART_WIDTH = 40
 COARSE_RESOLUTION = 0.01
 """Resolution of the number type, in mean edge lengths, above which it is reported."""
-NAMED = 3
+MOST_NAMED_FILES = 3
 """Maximum number of skipped files that are listed by name."""
 PLAIN_WIDTH = 120
 """Width of a table in characters if the output is not a terminal."""
@@ -49,7 +49,7 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
     if done.treated_as is not None:
         print(f"treated as: {done.treated_as}", file=file)
     controls = {"strength": done.strength, **done.controls}
-    chosen = [_option(name, value) for name, value in controls.items() if value != OPTIONS[name].default]
+    chosen = [_option(name, value) for name, value in controls.items() if value != CONTROL_OPTIONS[name].default]
     if chosen:
         print(f"controls: {', '.join(chosen)}", file=file)
     if done.dropped_components:
@@ -90,7 +90,7 @@ def print_batch(done: "Batch", output: str) -> None:
     if done.kept:
         print(f"{counted(len(done.kept), 'file')} skipped: already done")
     if done.skipped:
-        names = ", ".join([*done.skipped[:NAMED], *(["…"] if len(done.skipped) > NAMED else [])])
+        names = ", ".join([*done.skipped[:MOST_NAMED_FILES], *(["…"] if len(done.skipped) > MOST_NAMED_FILES else [])])
         print(f"{counted(len(done.skipped), 'file')} skipped: results of `denoise` beside their sources ({names})")
     if done.failures:
         print(f"{counted(len(done.failures), 'file')} failed")
@@ -109,11 +109,11 @@ def print_filling(target: Path, done: "Filling", max_edges: int | None) -> None:
 
 
 def _option(name: str, value: object) -> str:
-    option = OPTIONS[name].option.removeprefix("--")
+    option = CONTROL_OPTIONS[name].option.removeprefix("--")
     if isinstance(value, list | tuple):
         value = ", ".join(map(str, value))
     text = f"{value:g}" if isinstance(value, float) else value
-    return option if OPTIONS[name].about.flag else f"{option} {text}"
+    return option if CONTROL_OPTIONS[name].about.flag else f"{option} {text}"
 
 
 def print_left_out(losses: Sequence[str]) -> None:

@@ -11,10 +11,10 @@ from cascadenorm.mesh.averages import averaged
 PASSES = 64  # averaging passes; bumps up to about 30 mean edge lengths from crest to crest remain
 REACH = 24.0  # largest distance, in mean edge lengths, at which the correlation of heights is measured
 ALTERNATION = -0.18  # autocorrelation halfway between crests, at most; -0.15 and above on scans and reconstructions
-LEAST_HEIGHT = 0.01  # root mean square, in mean edge lengths, below which a surface is smooth
-NARROWEST = 5.0  # least width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
-FEWEST = 15  # bumps, below which they are the shape
-WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is least
+LEAST_BUMP_HEIGHT = 0.01  # root mean square, in mean edge lengths, below which a surface is smooth
+NARROWEST_BUMPS = 5.0  # least width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
+FEWEST_BUMPS = 15  # bumps, below which they are the shape
+BUMP_WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,12 +38,12 @@ def bumps(mesh: Mesh) -> Bumps | None:
     smooth = averaged(mesh.vertices, topology.vertex_neighbors, PASSES)
     heights = np.einsum("ij,ij->i", mesh.vertices - smooth, mesh.moved(smooth).vertex_normals) / edge
     heights = (heights - averaged(heights, topology.vertex_neighbors, PASSES))[inside]
-    if not np.sqrt(np.mean(heights**2)) >= LEAST_HEIGHT:
+    if not np.sqrt(np.mean(heights**2)) >= LEAST_BUMP_HEIGHT:
         return None
     at, correlation = autocorrelation(mesh.vertices[inside] / edge, heights, REACH)
     rising = np.flatnonzero(np.diff(correlation[1:]) > 0) + 1
     if not len(rising) or correlation[rising[0]] > ALTERNATION:
         return None
     half_wave = float(at[rising[0]])
-    width, count = WIDTH * half_wave, mesh.area / (2 * half_wave * edge) ** 2
-    return Bumps(width=width) if width >= NARROWEST and count >= FEWEST else None
+    width, count = BUMP_WIDTH * half_wave, mesh.area / (2 * half_wave * edge) ** 2
+    return Bumps(width=width) if width >= NARROWEST_BUMPS and count >= FEWEST_BUMPS else None

@@ -19,7 +19,7 @@ FEWEST_FACES = 8  # least number of faces of a tread; fewer may be coplanar by c
 FEWEST_TREADS = 12
 SHARE = 0.5  # least fraction of the area that lies on parallel treads
 PARALLEL = 1e-4  # largest 1 - cosine of the angle between the normals of parallel treads
-NARROWEST = 5.0  # least width in mean edge lengths; `auto` removes narrower steps by itself
+NARROWEST_STEPS = 5.0  # least width in mean edge lengths; `auto` removes narrower steps by itself
 
 
 def enlarged_steps(mesh: Mesh) -> Floats:
@@ -141,4 +141,4 @@ def treads(mesh: Mesh) -> Treads | None:
         return None
     widths = 4 * tread_areas[kept] / perimeters[kept]
     width = 1 + float(np.average(widths, weights=tread_areas[kept])) / mesh.mean_edge_length
-    return Treads(count=int(kept.sum()), width=width) if width >= NARROWEST else None
+    return Treads(count=int(kept.sum()), width=width) if width >= NARROWEST_STEPS else None

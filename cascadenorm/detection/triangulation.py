@@ -14,7 +14,7 @@ VALENCES = range(3, 9)
 COPLANAR_DEGREES = 0.02, 0.2  # angles in degrees below which adjacent faces count as coplanar and as nearly coplanar
 FREQUENT_SHAPES = 4, 16  # numbers of most frequent triangle shapes whose share is measured; lattices repeat few shapes
 SAME = 0.01  # bin width in mean lengths for the sides of triangles of the same shape
-MOST_STEPS = 1 << 21  # bins of side lengths; longer sides share the last bin, so that three sides form one 64-bit key
+LENGTH_BINS = 1 << 21  # bins of side lengths; longer sides share the last bin, so that three sides form one 64-bit key
 FIGURES = (
     "open sides",
     *("deviation of lengths", *(f"length at {share:.0%}" for share in (0.02, 0.1, 0.5, 0.9, 0.98))),
@@ -70,8 +70,8 @@ def _angle_figures(sides: NDArray[np.float64], lengths: Floats) -> Floats:
 def _shape_figures(lengths: Floats) -> Floats:
     """Return the fractions of the triangles with the most frequent shapes."""
     mean = max(float(lengths.mean()), np.finfo(float).tiny)
-    shapes = np.minimum(np.round(np.sort(lengths, axis=1) / (SAME * mean)), MOST_STEPS - 1).astype(np.int64)
-    keys = (shapes[:, 0] * MOST_STEPS + shapes[:, 1]) * MOST_STEPS + shapes[:, 2]
+    shapes = np.minimum(np.round(np.sort(lengths, axis=1) / (SAME * mean)), LENGTH_BINS - 1).astype(np.int64)
+    keys = (shapes[:, 0] * LENGTH_BINS + shapes[:, 1]) * LENGTH_BINS + shapes[:, 2]
     counts = np.sort(np.unique(keys, return_counts=True)[1])[::-1]
     return np.array([counts[:count].sum() / len(lengths) for count in FREQUENT_SHAPES])
 

@@ -1,6 +1,7 @@
 """Run methods on pairs of noisy and clean meshes and measure the results."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -9,15 +10,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.errors import ParameterError, ReadError
-from cascadenorm.evaluation.pairs import with_noise
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
 from cascadenorm.evaluation.records import Records
-from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run
+from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run_task
 from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder, use_cluster
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures
+from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import FilePair, Paths, find_pairs
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
@@ -156,6 +160,34 @@ def evaluate(
     return done
 
 
+def with_noise(
+    pairs: Sequence[FilePair], folder: Path, *, level: float, seeds: int
+) -> tuple[list[FilePair], list[tuple[FilePair, Exception]]]:
+    """Write noisy versions of each clean mesh to a folder, with Gaussian noise along the normals.
+
+    The level is the standard deviation of the noise, in mean edge lengths of the clean mesh. There are noisy meshes for
+    the seeds 0, 1, …; the same seed always gives the same file. Returns the new pairs, and the pairs with an unreadable
+    clean mesh, each with its error.
+    """
+    made: list[FilePair] = []
+    unread: list[tuple[FilePair, Exception]] = []
+    for pair in pairs:
+        try:
+            clean = as_mesh(pair.clean)
+        except Exception as error:  # a damaged file, or a missing package for its format
+            unread.append((pair, error))
+            continue
+        place = folder / re.sub(r"[/\\]", "_", pair.name)
+        place.mkdir(parents=True, exist_ok=True)
+        for seed in range(seeds):
+            name = f"{pair.name}-seed{seed}"
+            noise = displacements(clean, "normal", level=level, rng=np.random.default_rng(seed))
+            file = place / f"noisy-{level:g}-{seed}.ply"
+            save_mesh(file, clean.moved(clean.vertices + noise), force=True)
+            made.append(FilePair(name, file, pair.clean, seed))
+    return made, unread
+
+
 def _required_folder(runs: Sequence[Run]) -> str | None:
     """Return the folder in which workers must run because file names are relative; None if all are absolute."""
     places: set[Path | None] = set()
@@ -180,7 +212,7 @@ def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progre
     unread: set[str] = set()
     try:
         with parallel_map(workers) as each:
-            found = each(run, runs)
+            found = each(run_task, runs)
             for number, task in enumerate(runs):
                 progress("evaluating", number, len(runs), f"{task.pair.name}: {task.name}")
                 out = next(found)

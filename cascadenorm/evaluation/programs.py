@@ -12,7 +12,6 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.io.interop import as_mesh, save_mesh
@@ -36,14 +35,6 @@ with open(sys.argv[1], "w", encoding="utf-8") as file:
     json.dump([done.returncode, seconds, memory], file)
 """
 """A small process that starts the program, because the peak memory of a child includes that of its parent."""
-
-
-class ProgramResult(NamedTuple):
-    """The mesh that a program wrote, its run time in seconds, and its peak memory in megabytes."""
-
-    mesh: Mesh
-    seconds: float
-    memory_mb: float | None
 
 
 def checked_command(name: str, command: str) -> list[str]:
@@ -72,7 +63,7 @@ def command_words(command: str, *, windows: bool) -> list[str]:
     return list(reader)
 
 
-def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S) -> ProgramResult:
+def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S) -> tuple[Mesh, float, float | None]:
     """Run the words of a command on a mesh file; the timeout, in seconds, stops the program and its child processes.
 
     {in} is the given file, and {out} a file of the same format; {in.obj} and {out.obj} are OBJ files. Raises
@@ -104,7 +95,7 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
         written = next(path for place, path in files.items() if place.startswith("{out"))
         if not written.exists():
             raise DenoiseError(f"{words[0]} wrote no file {written.name}")
-        return ProgramResult(as_mesh(written), seconds, memory)
+        return as_mesh(written), seconds, memory
 
 
 def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess.CompletedProcess[str]:

@@ -67,7 +67,7 @@ class Run(NamedTuple):
     records: Records | None = None  # where the mesh and its measures are kept; None if they are not kept
 
 
-def run(task: Run) -> RunResult | FailedRun:
+def run_task(task: Run) -> RunResult | FailedRun:
     """Do one run, or reuse its record; an unreadable pair is a failure without a method.
 
     Errors of readers and methods are returned and do not stop the evaluation, but a folder of records that cannot be

@@ -116,9 +116,9 @@ def no_workers(scheduler: str, seconds: float) -> WorkerError:
 def mismatch(version: str, wanted_version: str, folder: str, wanted_folder: str | None) -> str | None:
     """Return why a worker with this version and current folder cannot be used; None if it can."""
     if version != wanted_version:
-        return f"has cascadenorm {version}, and here is {wanted_version}"
+        return f"has cascadenorm {version}, but this process has {wanted_version}"
     if wanted_folder not in (None, folder):
-        return f"runs in {folder}, where relative names mean others: give absolute ones"
+        return f"runs in {folder}, so relative paths refer to other files there: use absolute paths"
     return None
 
 

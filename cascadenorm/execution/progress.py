@@ -10,6 +10,10 @@ Listener = Callable[[float], object]
 """Called with the completed fraction, from 0 to 1; an exception it raises ends the method."""
 
 
+class Cancelled(Exception):
+    """Raised by the listener of work that was cancelled."""
+
+
 class Progress(Protocol):
     """Callback for work with many parts, such as evaluation or training; an exception it raises ends the work."""
 

@@ -5,16 +5,12 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Generic, TypeVar
 
-from cascadenorm.execution.progress import Listener
+from cascadenorm.execution.progress import Cancelled, Listener
 
 Result = TypeVar("Result")
 
 
-class Cancelled(Exception):
-    """The job was cancelled."""
-
-
-class Job(Generic[Result]):
+class BackgroundJob(Generic[Result]):
     """A function that runs in its own thread; it must not access data of the host program.
 
     It is called with a progress listener, which raises Cancelled once the job is cancelled. `fraction` is the share of

@@ -4,8 +4,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from cascadenorm.api.api import DEFAULT_METHOD, methods
-from cascadenorm.frontends.properties import Property, properties
-from cascadenorm.frontends.vtk_filter import INPUTS
+from cascadenorm.frontends.properties import FilterProperty, properties
+from cascadenorm.frontends.vtk_filter import INPUT_TYPES
 
 
 def declaration() -> str:
@@ -15,14 +15,14 @@ def declaration() -> str:
         [Element("Group", name=n) for n in ("sources", "filters")]
     )
     kinds = SubElement(given, "DataTypeDomain", name="input_type", composite_data_supported="1")
-    kinds.extend([Element("DataType", value=kind) for kind in INPUTS])
+    kinds.extend([Element("DataType", value=kind) for kind in INPUT_TYPES])
 
     method = _vector("String", "Method", DEFAULT_METHOD, "How the mesh is denoised.")
     _choices(method, list(methods()))
     return "".join(tostring(one, encoding="unicode") for one in (given, method, *map(_element, properties())))
 
 
-def _element(property: Property) -> Element:
+def _element(property: FilterProperty) -> Element:
     """Declare a number with its range, a choice, or text, which may be empty if the default is None."""
     setting = property.setting
     number = {(float,): "Double", (int,): "Int"}.get(setting.kinds) if not setting.optional else None

@@ -10,7 +10,7 @@ from cascadenorm.registry.controls import CONTROLS
 Filter = type[Any]
 
 
-class Property(NamedTuple):
+class FilterProperty(NamedTuple):
     """A property of a filter, with a setter and a getter such as `SetKeepDetail` and `GetKeepDetail`."""
 
     # Name, such as KeepDetail for the control keep_detail or TaubinIterations for iterations of the method taubin
@@ -26,16 +26,16 @@ class Property(NamedTuple):
         return "" if self.setting.default is None else self.setting.default
 
 
-def properties() -> Iterator[Property]:
+def properties() -> Iterator[FilterProperty]:
     """Yield the visible controls, then the parameters of each method."""
     for name, control in CONTROLS.items():
         if not control.about.hidden:
-            yield Property(_camel(name), control, "", control.help(""))
+            yield FilterProperty(_camel(name), control, "", control.help(""))
     for method in methods().values():
         for setting in method.given_by_name:
             values = ", ".join(filter(None, (setting.about.unit, setting.about.allowed)))
             about = f"{setting.about.help} ({values})." if values else f"{setting.about.help}."
-            yield Property(_camel(method.name) + _camel(setting.name), setting, method.name, about)
+            yield FilterProperty(_camel(method.name) + _camel(setting.name), setting, method.name, about)
 
 
 def with_properties(kind: Filter) -> Filter:
@@ -66,7 +66,7 @@ def _camel(name: str) -> str:
     return "".join(part[:1].upper() + part[1:] for part in name.replace("-", "_").split("_"))
 
 
-def _setter(property: Property) -> Callable[[Any, Any], None]:
+def _setter(property: FilterProperty) -> Callable[[Any, Any], None]:
     def set_value(self: Any, value: Any) -> None:
         new = property.setting.default if isinstance(value, str) and value == "" else property.setting.checked(value)
         if isinstance(new, float | int | str | None) and new == getattr(self, f"Get{property.name}")():
@@ -78,7 +78,7 @@ def _setter(property: Property) -> Callable[[Any, Any], None]:
     return set_value
 
 
-def _getter(property: Property) -> Callable[[Any], Any]:
+def _getter(property: FilterProperty) -> Callable[[Any], Any]:
     def value(self: Any) -> Any:
         return self._values.get(property.name, property.setting.default)
 

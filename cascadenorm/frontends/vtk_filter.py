@@ -13,7 +13,7 @@ from cascadenorm.frontends.properties import setting_name, settings_of, with_pro
 from cascadenorm.frontends.vtk_data import denoised
 from cascadenorm.registry import find
 
-INPUTS = ("vtkPolyData", "vtkMultiBlockDataSet", "vtkPartitionedDataSetCollection", "vtkPartitionedDataSet")
+INPUT_TYPES = ("vtkPolyData", "vtkMultiBlockDataSet", "vtkPartitionedDataSetCollection", "vtkPartitionedDataSet")
 
 
 class _Aborted(Exception):
@@ -58,8 +58,8 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         return self._method
 
     def FillInputPortInformation(self, port: int, info: Any) -> int:
-        """Say which types of data are taken."""
-        for kind in INPUTS:
+        """Declare the accepted types of data."""
+        for kind in INPUT_TYPES:
             info.Append(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), kind)
         return 1
 

@@ -24,7 +24,7 @@ def fair(
     connected component, so that the solution is not unique.
     """
     free = region & (mesh.topology.vertex_faces.counts > 0)
-    _refuse_what_nothing_holds(mesh, free)
+    _check_held(mesh, free)
     inside = np.flatnonzero(free)
     for _ in track(iterations if len(inside) else 0):
         # solve P d = -P x for the displacement d, so that the surrounding vertices stay byte-identical
@@ -62,7 +62,7 @@ def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: 
     return energy, solver_of_rings(matrix, root, laplacian.mass[inside], positions, order=order)
 
 
-def _refuse_what_nothing_holds(mesh: Mesh, free: VertexMask) -> None:
+def _check_held(mesh: Mesh, free: VertexMask) -> None:
     held = np.zeros(len(free), bool)  # for each component
     held[mesh.topology.components[~free]] = True
     loose = free & ~held[mesh.topology.components]

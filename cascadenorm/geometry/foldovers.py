@@ -10,7 +10,9 @@ from cascadenorm.mesh.vectors import dot, length, row
 
 STEP_HALVINGS = 8  # halvings of the displacement of a vertex before the vertex returns to its input position
 STEEPEST_NORMAL = math.sqrt(0.5)  # a face within 45° of the mean normal around it never counts as a foldover
-FOLDED = math.cos(math.radians(105))  # cosine of the angle between adjacent normals below which the edge is folded
+FOLDOVER_COSINE = math.cos(
+    math.radians(105)
+)  # cosine of the angle between adjacent normals below which the edge is folded
 SLIVER = 0.05  # height of a face, in mean edge lengths, below which it is a sliver
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
@@ -91,7 +93,7 @@ def _harmful_flips(mesh: Mesh, moved: Mesh, among: NDArray[np.bool_]) -> NDArray
 def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return (p,) whether the normals of each pair of faces differ by more than 105°."""
     one, other = mesh.face_normals[pairs].swapaxes(0, 1)
-    return np.asarray(np.einsum("ij,ij->i", one, other) < FOLDED)
+    return np.asarray(np.einsum("ij,ij->i", one, other) < FOLDOVER_COSINE)
 
 
 def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cascadenorm.geometry.neighborhoods import faces_near
 from cascadenorm.mesh import Mesh, Vectors, unit
 
-RADIUS, SPREAD = 5.0, 2.2
+FIT_RADIUS, SPREAD = 5.0, 2.2
 """Radius of the neighbourhood and standard deviation of the weights, in mean edge lengths."""
 LEAST_COSINE = 0.5
 """Least cosine between the normals of a face and its neighbours that take part."""
@@ -29,7 +29,7 @@ def quadric_normals(mesh: Mesh, normals: Vectors, faces: NDArray[np.intp]) -> Ve
 
 
 def _quadric_normals(mesh: Mesh, normals: Vectors, faces: NDArray[np.intp]) -> Vectors:
-    near = faces_near(mesh, faces.astype(np.int32), RADIUS * mesh.mean_edge_length)
+    near = faces_near(mesh, faces.astype(np.int32), FIT_RADIUS * mesh.mean_edge_length)
     own, others, starts = np.repeat(np.arange(len(faces)), near.counts), near.indices, near.indptr[:-1]
     z = normals[faces]
     x = unit(np.cross(z, np.eye(3)[np.abs(z).argmin(axis=1)]))

@@ -9,7 +9,7 @@ from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import cross, dot, row
 
 NEWTON_STEPS = 20  # converges in about five; the volume is a cubic polynomial of the factor
-TOLERANCE = 1e-13
+CLOSED_TOLERANCE = 1e-13
 
 
 class Parts(NamedTuple):
@@ -59,7 +59,7 @@ def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.flo
     for _ in range(NEWTON_STEPS):
         stretched = arms + _each(factor, parts)[:, None] * pull
         missing = wanted - _volumes(original, stretched, parts)
-        if (np.abs(missing) <= TOLERANCE * np.abs(wanted))[usable].all():
+        if (np.abs(missing) <= CLOSED_TOLERANCE * np.abs(wanted))[usable].all():
             break
         slope = _volume_slopes(original, stretched, pull, parts)
         factor += np.divide(missing, slope, out=np.zeros(parts.total), where=usable & (slope != 0))

@@ -16,7 +16,7 @@ from typing import BinaryIO
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import Piece
 
-NAMED = 40
+KEPT_LETTERS = 40
 """Number of characters of a file name that its temporary file starts with."""
 
 
@@ -121,7 +121,7 @@ def remove_unfinished(outputs: Iterable[Path]) -> None:
 
 def unfinished_name(name: str, owner: Path) -> str:
     """Return a new name for an incomplete file that is or belongs to an output, for `remove_unfinished`."""
-    return f".{name[:NAMED]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
+    return f".{name[:KEPT_LETTERS]}.{_owner_key(owner)}.{secrets.token_hex(4)}.part"
 
 
 def _owner_key(output: Path) -> str:

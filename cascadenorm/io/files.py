@@ -22,12 +22,9 @@ from cascadenorm.io.atomic import (
 )
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content
-from cascadenorm.io.gltf.glb import GlbFile
-from cascadenorm.io.gltf.gltf import GltfFile
+from cascadenorm.io.gltf.gltf import GlbFile, GltfFile
 from cascadenorm.io.libraries import is_installed
-from cascadenorm.io.neuroimaging import EXTENSIONS as FREESURFER
-from cascadenorm.io.neuroimaging import MAGIC as FREESURFER_MAGIC
-from cascadenorm.io.neuroimaging import FreeSurferFile, GiftiFile
+from cascadenorm.io.neuroimaging import FREESURFER_EXTENSIONS, FREESURFER_MAGIC, FreeSurferFile, GiftiFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
@@ -215,7 +212,7 @@ def is_mesh_name(path: Path) -> bool:
 def _format_of(extension: str) -> str:
     """Return the format of an extension."""
     name = extension.lower().lstrip(".")
-    return FreeSurferFile.format if name in FREESURFER else name
+    return FreeSurferFile.format if name in FREESURFER_EXTENSIONS else name
 
 
 def _missing(work: str, format: str) -> MissingDependencyError:

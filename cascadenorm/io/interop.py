@@ -143,7 +143,7 @@ def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
         moved.GetPoints().SetData(vtk_of(np.ascontiguousarray(vertices), deep=True))
     points, triangles = _vtk_arrays(mesh)
     faces = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
-    polydata.renew_normals(
+    polydata.renew_vtk_normals(
         moved, 0, triangles, faces, lambda values, corners: _renewed(values, corners, points, triangles, vertices)
     )
     return moved
@@ -185,7 +185,7 @@ def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     def renewed(values: Any, corners: NDArray[Any]) -> NDArray[Any]:
         return _renewed(np.asarray(values), corners, points, triangles, vertices)
 
-    vtk.renew_normals(moved, triangles, np.arange(len(triangles)), renewed)
+    vtk.renew_meshio_normals(moved, triangles, np.arange(len(triangles)), renewed)
     if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # names as in PLY
         stored = np.stack([moved.point_data[name] for name in ("nx", "ny", "nz")], axis=1)
         moved.point_data.update(zip(("nx", "ny", "nz"), renewed(stored, triangles).T, strict=True))

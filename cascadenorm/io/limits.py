@@ -16,7 +16,7 @@ VARIABLE = "CASCADENORM_MAX_EXPANSION"
 """Environment variable that overrides EXPANSION."""
 EXPANSION = 200.0
 """Largest expansion: bytes in memory per byte of a file. Compressed meshes reach 20."""
-LARGEST = 10**18
+MOST_BYTES_SHOWN = 10**18
 """Bytes beyond which a number is not written out; a file may announce numbers of any length."""
 ALWAYS = 100_000_000
 """Bytes that a file of any size may expand to."""
@@ -26,7 +26,8 @@ def check_expansion(needed: float, size: int, what: str) -> None:
     """Raise ReadError if `what` needs more bytes of memory than a file of `size` bytes may expand to."""
     if needed > expansion_limit(size):
         raise ReadError(
-            f"{what} need {min(needed, LARGEST) / 1e6:,.0f} MB, more than {_expansion():g} times the size of the file",
+            f"{what} need {min(needed, MOST_BYTES_SHOWN) / 1e6:,.0f} MB, more than {_expansion():g} times the size of "
+            "the file",
             hint=f"if it can be trusted, set the environment variable {VARIABLE} to a larger number",
         )
 

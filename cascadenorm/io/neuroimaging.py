@@ -15,8 +15,8 @@ from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import limited_expansion
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
-MAGIC = b"\xff\xff\xfe"
-EXTENSIONS = ("pial", "white", "orig", "inflated", "smoothwm", "sphere")
+FREESURFER_MAGIC = b"\xff\xff\xfe"
+FREESURFER_EXTENSIONS = ("pial", "white", "orig", "inflated", "smoothwm", "sphere")
 """Extensions that select the format. A file name is, for example, `lh.pial`."""
 POINT, TRIANGLE = np.dtype(">f4"), np.dtype(">i4")
 
@@ -28,7 +28,7 @@ class FreeSurferFile(MeshFile):
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         data = self.data
-        if not data.startswith(MAGIC):
+        if not data.startswith(FREESURFER_MAGIC):
             raise ReadError("this is no triangle surface of FreeSurfer: it does not begin with the bytes ff ff fe")
         ends = data.find(b"\n"), data.find(b"\n", data.find(b"\n") + 1)
         if min(ends) < 0 or len(data) < ends[1] + 9:
@@ -60,12 +60,12 @@ class FreeSurferFile(MeshFile):
         triangles, _ = triangulate(content.positions, content.polygons)
         single = content.single_positions()
         counts = np.array([len(single), len(triangles)], TRIANGLE)
-        head: Any = MAGIC + b"created by cascadenorm\n\n" + counts.tobytes()
+        head: Any = FREESURFER_MAGIC + b"created by cascadenorm\n\n" + counts.tobytes()
         return [head, single.astype(POINT).tobytes(), triangles.astype(TRIANGLE).tobytes()], content.lost_as_triangles()
 
 
 DIMENSIONALITY = re.compile(rb"\bDimensionality\s*=\s*[\"']([^\"']*)[\"']")
-POINTS, TRIANGLES = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
+POINT_INTENT, TRIANGLE_INTENT = "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"
 
 
 class GiftiFile(MeshFile):
@@ -84,7 +84,7 @@ class GiftiFile(MeshFile):
                 raise ReadError(f'Dimensionality="{said}" in this gii file is none of 1 to 6: get a complete copy')
         with explained("nibabel cannot read this as gii"), limited_expansion(len(self.data), parse_gifti_fast):
             self._image = GiftiImage.from_bytes(self.data)
-        points, triangles = (self._image.get_arrays_from_intent(intent) for intent in (POINTS, TRIANGLES))
+        points, triangles = (self._image.get_arrays_from_intent(intent) for intent in (POINT_INTENT, TRIANGLE_INTENT))
         if len(points) != 1 or len(triangles) != 1:
             raise ReadError(
                 f"this GIFTI file has {len(points)} sets of points and {len(triangles)} of triangles: "
@@ -98,7 +98,7 @@ class GiftiFile(MeshFile):
 
     def _moved_pieces(self) -> Iterable[Piece]:
         image = copy.deepcopy(self._image)
-        points = image.get_arrays_from_intent(POINTS)[0]
+        points = image.get_arrays_from_intent(POINT_INTENT)[0]
         points.data = self.positions.astype(points.data.dtype.newbyteorder("="))
         return [_bytes_of(image)]
 
@@ -114,8 +114,8 @@ class GiftiFile(MeshFile):
         triangles, _ = triangulate(content.positions, content.polygons)
         single = content.single_positions()
         arrays = [
-            GiftiDataArray(single, intent=POINTS, datatype="NIFTI_TYPE_FLOAT32"),
-            GiftiDataArray(triangles.astype(np.int32), intent=TRIANGLES, datatype="NIFTI_TYPE_INT32"),
+            GiftiDataArray(single, intent=POINT_INTENT, datatype="NIFTI_TYPE_FLOAT32"),
+            GiftiDataArray(triangles.astype(np.int32), intent=TRIANGLE_INTENT, datatype="NIFTI_TYPE_INT32"),
         ]
         return [_bytes_of(GiftiImage(darrays=arrays))], content.lost_as_triangles()
 

@@ -68,7 +68,7 @@ class PolyDataFile(MeshFile):
         surface.GetPoints().SetData(numpy_to_vtk(self.positions, deep=True))
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()  # cells before the polygons
         faces = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
-        renew_normals(surface, first, self.triangles, faces, lambda *normals: self._renewed(Normals(*normals))[0])
+        renew_vtk_normals(surface, first, self.triangles, faces, lambda *normals: self._renewed(Normals(*normals))[0])
         return [self._written(surface)]
 
     def _written(self, surface: Any) -> bytes:
@@ -144,7 +144,7 @@ def vtk_array(array: Any) -> NDArray[Any]:
     return np.asarray(vtk_to_numpy(array))
 
 
-def renew_normals(
+def renew_vtk_normals(
     surface: Any,
     first: int,
     triangles: NDArray[Any],

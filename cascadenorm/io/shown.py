@@ -11,14 +11,14 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh.polygons import Polygons, ranges
 
-Values = Mapping[str, NDArray[Any]]
+NamedValues = Mapping[str, NDArray[Any]]
 Matrix = NDArray[np.float64]
 """(4, 4) transform of column vectors."""
 Key = TypeVar("Key", bound=Hashable)
 
 NODE = 200
 """Approximate memory in bytes of an instance."""
-LARGEST = 1e30
+LARGEST_ENTRY = 1e30
 """Upper bound on the numbers of a transform."""
 
 
@@ -27,8 +27,8 @@ class Shown(NamedTuple):
 
     positions: NDArray[Any]
     polygons: Polygons
-    vertex_values: Values = MappingProxyType({})
-    face_values: Values = MappingProxyType({})
+    vertex_values: NamedValues = MappingProxyType({})
+    face_values: NamedValues = MappingProxyType({})
 
     def placed(self, matrix: Matrix) -> "Shown":
         """Return the transformed mesh. A mirroring transform reverses the faces."""
@@ -41,7 +41,7 @@ class Shown(NamedTuple):
         )
 
 
-def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, Values, Values]:
+def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, NamedValues, NamedValues]:
     """Join meshes. Returns positions, polygons, and the vertex and face values that all of them have."""
     first = np.cumsum([0, *(len(mesh.positions) for mesh in shown)])
     none = np.zeros(0, np.int64)
@@ -105,7 +105,7 @@ def placements(
     found, waiting = [], list(reversed(roots))
     while waiting:
         key, matrix = waiting.pop()
-        if not (np.abs(matrix) < LARGEST).all():
+        if not (np.abs(matrix) < LARGEST_ENTRY).all():
             raise ReadError("a transform of this file is not finite: export the file again")
         found.append((key, matrix))
         with np.errstate(all="ignore"):
@@ -113,7 +113,7 @@ def placements(
     return found
 
 
-def _common(parts: list[Values]) -> Values:
+def _common(parts: list[NamedValues]) -> NamedValues:
     """Join the values that all parts have with the same type."""
     names = [name for name in (parts[0] if parts else {}) if all(name in part for part in parts)]
     alike = [name for name in names if len({part[name].dtype for part in parts}) == 1]

@@ -26,7 +26,7 @@ TRIMESH_NEEDS = {
 }
 """Packages that a format requires, and the extra that installs them."""
 
-INPUTS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
+READ_ONLY_FORMATS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
 
 
 class TrimeshFile(MeshFile):
@@ -98,7 +98,7 @@ def trimesh_formats() -> list[str]:
     """Return the extensions that trimesh supports with the installed packages."""
     import trimesh
 
-    return sorted({*INPUTS} & {*trimesh.available_formats()})
+    return sorted({*READ_ONLY_FORMATS} & {*trimesh.available_formats()})
 
 
 def _check_sizes(data: bytes, format: str) -> None:

@@ -83,7 +83,7 @@ class MeshioFile(MeshFile):
         def renew(values: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
             return self._renewed(Normals(values, corners))[0].astype(values.dtype)
 
-        renew_normals(grid, self.triangles, self.triangle_polygons, renew)
+        renew_meshio_normals(grid, self.triangles, self.triangle_polygons, renew)
         return [_written(grid, self.module, self.format, self._options())]
 
     def _options(self) -> dict[str, Any]:
@@ -180,7 +180,7 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
         return path.read_bytes()
 
 
-def renew_normals(
+def renew_meshio_normals(
     mesh: Any,
     triangles: NDArray[Any],
     owners: NDArray[Any],

@@ -15,7 +15,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.limits import check_expansion
 
 ARRAY = re.compile(rb"<DataArray\b[^>]*>")
-ATTRIBUTE = re.compile(rb'(\w+)\s*=\s*["\']([^"\']*)["\']')
+VTK_ATTRIBUTE = re.compile(rb'(\w+)\s*=\s*["\']([^"\']*)["\']')
 APPENDED = re.compile(rb"<AppendedData\b([^>]*)>\s*_")
 LEGACY_COUNTS = re.compile(
     rb"^[ \t]*(?:(?:POINTS|VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS|POINT_DATA|CELL_DATA|OFFSETS|CONNECTIVITY|METADATA|"
@@ -24,12 +24,16 @@ LEGACY_COUNTS = re.compile(
     re.M | re.I,
 )
 """Lines of legacy files with one or two counts; the last alternative is that of arrays in a field."""
-VERSION = re.compile(rb"#\s*vtk DataFile[ \t]+Version[ \t]+(\d{1,4})\.\d+", re.I)
+LEGACY_VERSION = re.compile(rb"#\s*vtk DataFile[ \t]+Version[ \t]+(\d{1,4})\.\d+", re.I)
 BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
-CELLS = re.compile(rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I)
+CELL_LIST = re.compile(
+    rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I
+)
 OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+vtktypeint", re.M | re.I)
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
-COUNTED = tuple(f"NumberOf{name}".encode() for name in ("Components", "Tuples", "Points", "Verts", "Lines", "Polys"))
+COUNT_ATTRIBUTES = tuple(
+    f"NumberOf{name}".encode() for name in ("Components", "Tuples", "Points", "Verts", "Lines", "Polys")
+)
 DIGITS = 18
 """Largest number of digits of a count."""
 WORDS = 3
@@ -48,7 +52,9 @@ def check_xml_arrays(data: bytes) -> None:
         if not value.strip().isdigit() or len(value) > DIGITS:
             said = f'{name.decode()}="{value[:20].decode("ascii", "replace")}"'
             raise ReadError(f"{said} in this vtp file is no count: get a complete copy")
-    counts = {name: [int(value) for key, value in NUMBER_OF.findall(markup) if key == name] for name in COUNTED}
+    counts = {
+        name: [int(value) for key, value in NUMBER_OF.findall(markup) if key == name] for name in COUNT_ATTRIBUTES
+    }
     width, rows = counts.pop(b"NumberOfComponents"), [value for values in counts.values() for value in values]
     check_expansion(8.0 * max(width, default=1) * max(rows, default=0), len(data), "the arrays of this file")
     for tag in ARRAY.finditer(markup):
@@ -77,16 +83,16 @@ def _check_legacy_cells(data: bytes) -> None:
 
     Up to version 4, a list of cells holds the number of vertices of each cell, followed by the vertices.
     """
-    version, kind = VERSION.match(data), BINARY_OR_TEXT.search(data)
+    version, kind = LEGACY_VERSION.match(data), BINARY_OR_TEXT.search(data)
     if version is None or kind is None:
         raise ReadError("this vtk file does not begin with its version and ASCII or BINARY: get a complete copy")
     offsets = OFFSETS.search(data) is not None
     if int(version[1]) >= 5 or offsets:
-        cells = CELLS.search(data) is not None
+        cells = CELL_LIST.search(data) is not None
         if cells and (int(version[1]) >= 5) != offsets:
             raise ReadError(f"the cells of this vtk file are not those of version {int(version[1])}: export it again")
         return
-    for found in CELLS.finditer(data):
+    for found in CELL_LIST.finditer(data):
         count, size = int(found[1]), int(found[2])
         if kind[1].upper() == b"BINARY":
             rest = data[found.end() : found.end() + 4 * size]
@@ -99,7 +105,7 @@ def _check_legacy_cells(data: bytes) -> None:
 
 
 def _are_cells(numbers: NDArray[Any], count: int) -> bool:
-    """Whether numbers are those of a count of cells, each the number of its vertices before them."""
+    """Whether numbers hold so many cells, each as the number of its vertices followed by the vertices."""
     if len(numbers) == 4 * count and (numbers[::4] == 3).all():  # triangles
         return True
     at, sizes = 0, numbers.tolist()
@@ -111,11 +117,11 @@ def _are_cells(numbers: NDArray[Any], count: int) -> bool:
 
 
 def _attributes(tag: bytes) -> dict[bytes, bytes]:
-    return dict(ATTRIBUTE.findall(tag))
+    return dict(VTK_ATTRIBUTE.findall(tag))
 
 
 def _check_array(data: bytes, place: int, word: str, *, packed: bool, text: bool) -> None:
-    """Check an array that begins at a place with words about its size, as text in base64 or as bytes."""
+    """Check an array at a place in the data, in base64 or as bytes, which begins with its size in words."""
     words = _words(data, place, WORDS if packed else 1, word, text=text)
     if not packed:
         _check_sizes(data, words[:1])
@@ -132,9 +138,9 @@ def _check_sizes(data: bytes, sizes: list[int]) -> None:
 
 
 def _words(data: bytes, place: int, count: int, word: str, *, text: bool) -> list[int]:
-    """Return the words at a place, fewer if the file ends before. Raises ReadError if they are not in base64.
+    """Return the words at a place, or fewer if the file ends earlier. Raises ReadError if they are not in base64.
 
-    VTK decodes other characters and misplaced padding as well, to sizes that nobody checked.
+    VTK also decodes other characters and misplaced padding, which would give sizes that were not checked.
     """
     size = np.dtype(word).itemsize
     if text:

@@ -12,7 +12,7 @@ Image = NDArray[np.uint8]
 """(height, width, 3) sRGB, or (height, width, 4) with an alpha channel."""
 
 PAPER = (1.0, 1.0, 1.0)
-STEPS = 256
+COLOR_STEPS = 256
 """Number of colours in a heat map."""
 
 
@@ -26,7 +26,7 @@ class HeatMap(NamedTuple):
 
 
 def color_map(*, signed: bool) -> NDArray[np.float64]:
-    """Return STEPS sRGB colours from the lowest to the highest value, suitable for colour-blind readers.
+    """Return COLOR_STEPS sRGB colours from the lowest to the highest value, suitable for colour-blind readers.
 
     Unsigned values range from ivory at zero to dark blue, and signed values from blue through light grey to orange.
     """

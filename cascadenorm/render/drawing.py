@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.mesh import Mesh, all_in_rows, unit
 from cascadenorm.render.camera import Camera, projected
-from cascadenorm.render.color import PAPER, STEPS, HeatMap, Image, color_map, encoded, linear, named_colors
+from cascadenorm.render.color import COLOR_STEPS, PAPER, HeatMap, Image, color_map, encoded, linear, named_colors
 from cascadenorm.render.raster import Painted, rasterize
 
 NEAREST = 0.99
@@ -112,8 +112,8 @@ def _heat(mesh: Mesh, values: HeatMap) -> tuple[NDArray[np.float64], NDArray[np.
     """Return the palette of the values, which ends with the colour for unknown values, and the row of each corner."""
     low, high = values.limits
     with np.errstate(invalid="ignore"):
-        places = np.clip((values.values - low) / (high - low or 1.0), 0, 1) * (STEPS - 1)
+        places = np.clip((values.values - low) / (high - low or 1.0), 0, 1) * (COLOR_STEPS - 1)
     places = places[:, None] if values.at == "face" else places[mesh.faces]
     unknown = np.isnan(places).any(axis=1, keepdims=True)
     palette = np.concatenate([linear(color_map(signed=values.signed)), linear(named_colors("unknown"))])
-    return palette, np.where(unknown, STEPS, places)
+    return palette, np.where(unknown, COLOR_STEPS, places)

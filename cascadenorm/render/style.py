@@ -17,7 +17,7 @@ ACCENTS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
 """Colours that colour-blind readers can distinguish (Okabe and Ito 2008)."""
 FONT = "DejaVu Sans"
 """Font shipped with matplotlib, which covers Latin, Greek, Cyrillic and more."""
-SETTINGS = {
+FIGURE_SETTINGS = {
     "figure.dpi": DPI,
     "savefig.dpi": "figure",
     "text.parse_math": False,  # keep dollar signs in file names
@@ -38,7 +38,7 @@ def drawing(text: str) -> Iterator[None]:
     """Configure matplotlib for a figure with the given text, independently of the user's settings."""
     from matplotlib import style
 
-    settings = {**SETTINGS, "font.family": [*fonts(text)[0], "sans-serif"], "font.sans-serif": FONT}
+    settings = {**FIGURE_SETTINGS, "font.family": [*fonts(text)[0], "sans-serif"], "font.sans-serif": FONT}
     with style.context(["default", settings]), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)  # fonts() reports these
         yield

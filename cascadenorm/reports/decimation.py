@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh
 
-MOST_FACES = 1 << 20
+MOST_SHOWN_FACES = 1 << 20
 """Largest number of faces of a displayed mesh, for reports below 12 MB that open in seconds."""
 
 
@@ -20,7 +20,7 @@ class Display(NamedTuple):
     kept_faces: NDArray[np.int64]
 
 
-def display(mesh: Mesh, *, most: int = MOST_FACES) -> Display:
+def decimated(mesh: Mesh, *, most: int = MOST_SHOWN_FACES) -> Display:
     """Return the whole mesh, decimated by vertex clustering if it has more than `most` faces.
 
     In each cell of a grid, the vertex nearest to the centre represents all others, so that noise is not averaged away

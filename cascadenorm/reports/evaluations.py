@@ -28,14 +28,14 @@ from cascadenorm.render.scenes import Style, color_bar, one_view, panels, scene
 from cascadenorm.reports.given import given
 from cascadenorm.reports.page import Tile, image, page, table
 from cascadenorm.reports.plots import bar_chart, box_plot
-from cascadenorm.reports.scene import scene as viewer_scene
+from cascadenorm.reports.scene import viewer_scene
 
-WIDTH = 1640
-"""Width of a row of pictures, in pixels; each is smaller, the more there are."""
-LARGEST, SMALLEST = 420, 160
+ROW_WIDTH = 1640
+"""Width of a row of pictures in pixels; the more pictures it has, the smaller they are."""
+LARGEST_PICTURE, SMALLEST_PICTURE = 420, 160
 OVERVIEW = "Mean angle by method"
 CROP = 0.22
-"""Width of the part that is enlarged, as a share of the picture."""
+"""Width of the enlarged part as a fraction of the picture."""
 
 
 class _Shown(NamedTuple):
@@ -100,7 +100,7 @@ def report_evaluation(
 
 
 def _tiles(done: Evaluation, pairs: int) -> list[Tile]:
-    """Return the figures at the top: the best mean angle, that of the noisy meshes, and the counts."""
+    """Return the key figures: the mean angle of the noisy meshes, the best mean angle, and the counts."""
     means = {one.method: one.measures.normal_error_deg for one in done.means}
     judged = {method: angle for method, angle in means.items() if method != NOISY and method not in done.partial}
     tiles = [Tile("Noisy", (f"{means[NOISY]:.2f}°",), "mean angle E_a")] if NOISY in means else []
@@ -119,7 +119,7 @@ def _shown(done: Evaluation, pair: FilePair) -> _Shown:
 
 
 def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
-    """Return the measures of a pair, and how its errors are spread."""
+    """Return the measures of a pair and the distribution of its errors."""
     rows = {one.method: _angles(mesh, shown.clean) for one, mesh in zip(shown.results, shown.meshes, strict=True)}
     measured = tables.method_table(shown.results, "Measures")
     title = "Angles of all faces: median, quartiles, and 5th to 95th percentile"
@@ -133,9 +133,9 @@ def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
 
 
 def _figure(shown: _Shown, about: str) -> str:
-    """Return a picture of the meshes and the true mesh with an enlarged part, and below it the errors on one scale."""
+    """Return a picture of the meshes and the true mesh with an enlarged part; below, the errors on a common scale."""
     count = len(shown.meshes) + 1
-    size = int(np.clip(WIDTH / count - 12, SMALLEST, LARGEST))
+    size = int(np.clip(ROW_WIDTH / count - 12, SMALLEST_PICTURE, LARGEST_PICTURE))
     names = [one.method for one in shown.results]
     camera = Camera.looking_at(shown.clean)
     style = Style(size=size, direction=camera.axes[2], crops=[_worst_part(shown, camera)], transparent=True)

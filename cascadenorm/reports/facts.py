@@ -69,23 +69,17 @@ def measure_rows(measured: Sequence[tuple[Given, Measures]]) -> Rows:
     return _columns([(given.label, measures.formatted()) for given, measures in measured])
 
 
-class SettingRows(NamedTuple):
-    """Rows of the parameters and controls: those that differ from their defaults, and the others; both with a head."""
-
-    changed: Rows
-    usual: Rows
-
-
-def settings(done: DenoisingSummary) -> SettingRows:
-    """Return every parameter of the method and every control, with its value, its default and its meaning."""
+def settings(done: DenoisingSummary) -> tuple[Rows, Rows]:
+    """Return the parameters and controls that differ from their defaults, and the others, both below a head."""
     head = ("", "value", "default", "meaning")
-    found = SettingRows([head], [head])
+    changed: Rows = [head]
+    usual: Rows = [head]
     listed = [(one, done.parameters.get(one.name, one.default)) for one in find(done.method).given_by_name]
     listed += [(CONTROLS[name], value) for name, value in {"strength": done.strength, **done.controls}.items()]
     for setting, value in listed:
         row = (setting.name, _setting(value), _setting(setting.default), setting.about.help)
-        (found.usual if value == setting.default else found.changed).append(row)
-    return found
+        (usual if value == setting.default else changed).append(row)
+    return changed, usual
 
 
 def version_rows(done: DenoisingSummary | None) -> Rows:

@@ -1,4 +1,4 @@
-"""The figures that a report leads with: noise, angle, volume and faults such as spikes, before and after."""
+"""The key figures of a report: noise, angle, volume and faults such as spikes, before and after."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,12 @@ from cascadenorm.reports.facts import count_of
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.page import Tile
 
-Inspected = Sequence[tuple[Given, Inspection]]
-Measured = Sequence[tuple[Given, Measures]]
+InspectedMeshes = Sequence[tuple[Given, Inspection]]
+MeasuredMeshes = Sequence[tuple[Given, Measures]]
 
 
-def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> list[Tile]:
-    """Return the tiles at the top of a report; values of two meshes stand as before → after."""
+def key_figures(inspected: InspectedMeshes, measured: MeasuredMeshes, done: DenoisingSummary | None) -> list[Tile]:
+    """Return the tiles at the top of a report; values of two meshes are shown as before → after."""
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
     folded = "\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}".join(f"{one.folded_edges:,}" for one in found)
@@ -38,8 +38,8 @@ def key_figures(inspected: Inspected, measured: Measured, done: DenoisingSummary
     ]
 
 
-def headline(inspected: Inspected, done: DenoisingSummary | None) -> list[str]:
-    """Return the kind of error of the first mesh, what it is treated as, and the method, in the words of `denoise`."""
+def headline(inspected: InspectedMeshes, done: DenoisingSummary | None) -> list[str]:
+    """Return the kind of error and of surface of the first mesh, and the method, worded as by `denoise`."""
     first = inspected[0][1]
     error, treated_as = (first.error, first.treated_as) if done is None else (done.error, done.treated_as)
     parts = []
@@ -52,8 +52,8 @@ def headline(inspected: Inspected, done: DenoisingSummary | None) -> list[str]:
     return [" ".join(parts)] if parts else []
 
 
-def _angle(inspected: Inspected, measured: Measured) -> list[Tile]:
-    """The mean angle to the truth, or without one that to the input."""
+def _angle(inspected: InspectedMeshes, measured: MeasuredMeshes) -> list[Tile]:
+    """Return the mean angle to the truth, or to the input if there is no truth."""
     if measured:
         values = tuple(f"{measures.normal_error_deg:.2f}°" for _, measures in measured)
         return [Tile("Angle to the truth", values, "mean over the faces")]

@@ -17,7 +17,7 @@ from cascadenorm.mesh import Mesh, MeshError, scaled_alike
 from cascadenorm.render import HeatMap, inline_row, montage, pixels, png, render
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.page import frame_page
-from cascadenorm.reports.scene import scene
+from cascadenorm.reports.scene import viewer_scene
 from cascadenorm.reports.writing import drawn
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 OWN = "values"
 """Name of the values that a caller gives."""
-PICTURE, SMALL = 420, 280
+VIEW_PICTURE, MESH_PICTURE = 420, 280
 """Size of each still picture of a view, and of that of a mesh, in pixels."""
 MOST_FACES_IN_CELL = 300_000
 """Largest number of faces for which a cell that shows a mesh draws a picture."""
@@ -69,14 +69,14 @@ def view(
     sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
     meshes = [given(key, source) for key, source in sources]
     color, own = _values(meshes, values)
-    packed = scene(meshes, (), own=own)
+    packed = viewer_scene(meshes, (), own=own)
     if color and all(field["name"] != color for field in packed["fields"]):
         against = "other" if QUANTITIES[color].against == "input" else "truth"
         raise ParameterError(f"{color} compares a mesh with another one", hint=f"give `{against}` as well")
     maps = {}
     if own is not None:
         maps = {key: HeatMap(v, own.quantity.at, own.limits, own.quantity.signed) for key, v in own.values.items()}
-    panels = drawn(meshes, PICTURE, maps)
+    panels = drawn(meshes, VIEW_PICTURE, maps)
     caption = f"Meshes: {', '.join(one.label.lower() for one in meshes)}"
     page = frame_page(packed, inline_row(panels, caption), caption, color=color)
     return widget(page=page, picture=png(pixels(montage([panels]))), height=height)
@@ -92,8 +92,8 @@ def described(mesh: Mesh) -> str:
     if len(mesh.faces) <= MOST_FACES_IN_CELL:
         with suppress(MeshError):
             (scaled,) = scaled_alike(mesh)
-            data = b64encode(png(render(scaled, size=(SMALL, SMALL), transparent=True))).decode("ascii")
-            picture = f'<img src="data:image/png;base64,{data}" alt="The mesh" width="{SMALL}">'
+            data = b64encode(png(render(scaled, size=(MESH_PICTURE, MESH_PICTURE), transparent=True))).decode("ascii")
+            picture = f'<img src="data:image/png;base64,{data}" alt="The mesh" width="{MESH_PICTURE}">'
     return f"<figure>{picture}<figcaption>{escape(words)}</figcaption></figure>"
 
 

@@ -1,4 +1,4 @@
-"""Whole numbers as text, small: differences, split into bytes of equal weight, deflated, base64."""
+"""Compact text for arrays of integers: differences, split into planes of bytes, deflated and encoded in base64."""
 
 import zlib
 from base64 import b64encode
@@ -7,42 +7,42 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-CODES = 1 << 16
-LARGEST = 1e300
-"""Size beyond which a number is no value, so that differences are numbers."""
-STEPS = 250
-"""Steps of a quantity up to the value that 99 % of its values are below."""
+MOST_CODES = 1 << 16
+LARGEST_VALUE = 1e300
+"""Size above which a number counts as unknown, so that differences do not overflow."""
+VALUE_STEPS = 250
+"""Number of steps up to the 99th percentile of the absolute values of a quantity."""
 
 
-class Steps(NamedTuple):
-    """Real numbers as whole ones: value = start + step · (code - 1), and code 0 is no value."""
+class SteppedValues(NamedTuple):
+    """Real numbers rounded to integer codes: value = start + step · (code - 1); code 0 stands for an unknown value."""
 
     codes: NDArray[np.int64]
     start: float
     step: float
 
 
-def in_steps(values: NDArray[np.float64], steps: int = STEPS) -> Steps:
+def in_steps(values: NDArray[np.float64], steps: int = VALUE_STEPS) -> SteppedValues:
     """Round values to steps of 1 / `steps` of their usual range; NaN marks unknown values.
 
-    The step is longer where the largest value would need more than CODES, so no value is cut off.
+    The step is longer if the largest value would otherwise need more than MOST_CODES, so no value is clipped.
     """
-    known = np.abs(values) < LARGEST
+    known = np.abs(values) < LARGEST_VALUE
     if not known.any():
-        return Steps(np.zeros(values.shape, np.int64), 0.0, 1.0)
+        return SteppedValues(np.zeros(values.shape, np.int64), 0.0, 1.0)
     start, stop = float(values[known].min()), float(values[known].max())
     usual = float(np.quantile(np.abs(values[known]), 0.99))
-    step = max(usual / steps, (stop - start) / (CODES - 2)) or 1.0
+    step = max(usual / steps, (stop - start) / (MOST_CODES - 2)) or 1.0
     codes = np.rint((np.where(known, values, start) - start) / step).astype(np.int64) + 1
-    return Steps(np.where(known, codes, 0), start, step)
+    return SteppedValues(np.where(known, codes, 0), start, step)
 
 
 def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str, Any]:
     """Pack integers, (k,) or (k, c), column by column.
 
-    With `differences`, each value but the first of a column is kept as its difference from the one before, which is
-    smaller where neighbours are alike. Returns the shape, `differences`, the number of bytes of each value, and as data
-    the base64 of the deflated bytes: first the lowest byte of every value, then the next one.
+    With `differences`, each value except the first of a column is stored as its difference from the previous one,
+    which is smaller if neighbours are similar. Returns the shape, `differences`, the number of bytes of each value,
+    and as data the base64 of the deflated bytes: first the lowest byte of every value, then the next one.
     """
     columns = values.reshape(len(values), -1).T
     if differences:
@@ -50,13 +50,13 @@ def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str,
     folded = (columns << 1) ^ (columns >> 63)  # 0, -1, 1, -2, … to 0, 1, 2, 3, …
     width = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
     planes = np.ascontiguousarray(folded, "<i8").view(np.uint8).reshape(-1, 8)[:, :width].T
-    # noise has runs of equal bytes, but hardly longer repetitions, so only runs are searched for
+    # noise has runs of equal bytes but few longer repetitions, so only runs are searched for
     deflate = zlib.compressobj(strategy=zlib.Z_RLE)
     data = b64encode(deflate.compress(planes.tobytes()) + deflate.flush()).decode("ascii")
     return {"shape": list(values.shape), "differences": differences, "bytes": width, "data": data}
 
 
 def packed_faces(faces: NDArray[np.int32]) -> dict[str, Any]:
-    """Pack triangles: the first corner of each less that of the one before, and the others less the first."""
+    """Pack triangles: the first corner minus that of the previous triangle, and the other corners minus the first."""
     first, second, third = faces.astype(np.int64).T
     return packed(np.stack([np.diff(first, prepend=0), second - first, third - first], axis=1))

@@ -7,7 +7,7 @@ from html import escape
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+PAGE_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """Content security policy: the page loads nothing from elsewhere."""
 
 CODE, CODE_IN_HTML = re.compile("`([^`<>]+)`"), r"<code>\1</code>"
@@ -75,7 +75,7 @@ def _document(title: str, tag: str, body: str) -> str:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}">
+<meta http-equiv="Content-Security-Policy" content="{PAGE_POLICY}">
 <title>{escape(title)}</title>
 <link rel="icon" href="data:,">
 <style>{_file("report.css")}</style>
@@ -143,7 +143,7 @@ def folded(title: str, content: str) -> str:
     return f"<details><summary>{escape(title)}</summary>{content}</details>"
 
 
-def listed(lines: Iterable[str]) -> str:
+def html_list(lines: Iterable[str]) -> str:
     """Return a list of sentences."""
     return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>"
 

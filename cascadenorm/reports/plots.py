@@ -11,9 +11,9 @@ from cascadenorm.render.style import ACCENTS, INK, drawing
 
 QUANTILES = {"whislo": 0.05, "q1": 0.25, "med": 0.5, "q3": 0.75, "whishi": 0.95}
 """Ends of the whiskers and of the box, and the line in it, as matplotlib calls them."""
-WIDTH, ROW, BESIDES = 720, 30, 80
+PLOT_WIDTH, ROW, BESIDES = 720, 30, 80
 """Pixels: width of a plot, height of a row, and height of title and axis together."""
-FONT = 13
+FONT_SIZE = 13
 """Size of the text in pixels."""
 
 
@@ -29,9 +29,9 @@ def bar_chart(rows: Sequence[tuple[str, float]], *, unit: str) -> str:
 
 
 def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
-    """Draw how values are spread, a row each: box from the first to the third quartile, whiskers from 5 to 95 %.
+    """Draw the distribution of values, one row each: boxes span the quartiles, whiskers the 5th to 95th percentile.
 
-    The rows are names and their values, at least one each. The label is the name and unit of the values.
+    `rows` has the values, at least one, of each name. The label is the name and unit of the values.
     """
     boxes = [
         {name: float(np.quantile(np.asarray(values), share)) for name, share in QUANTILES.items()}
@@ -42,7 +42,7 @@ def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
     with drawing("".join([*names, title, label])):
         from matplotlib.figure import Figure
 
-        size = WIDTH / 72, (BESIDES + ROW * len(names)) / 72
+        size = PLOT_WIDTH / 72, (BESIDES + ROW * len(names)) / 72
         figure = Figure(size, dpi=72, layout="constrained")  # a point is a pixel
         axes = figure.subplots()
         axes.bxp(
@@ -57,10 +57,10 @@ def box_plot(rows: Mapping[str, ArrayLike], *, title: str, label: str) -> str:
             whiskerprops={"color": INK},
             medianprops={"color": ACCENTS[0], "linewidth": 2.5},
         )
-        axes.set_title(title, size=FONT, loc="left")
-        axes.set_xlabel(label, size=FONT)
+        axes.set_title(title, size=FONT_SIZE, loc="left")
+        axes.set_xlabel(label, size=FONT_SIZE)
         axes.set_yticks(range(len(names)), names)
-        axes.tick_params(labelsize=FONT, length=0)
+        axes.tick_params(labelsize=FONT_SIZE, length=0)
         axes.set(xlim=(0, None), ylim=(len(names) - 0.5, -0.5))
         axes.grid(axis="x", color=INK, alpha=0.2)
         axes.spines[:].set_visible(False)

@@ -10,21 +10,21 @@ from cascadenorm.geometry.fields import Field, fields
 from cascadenorm.io.content import CHANNELS, channels
 from cascadenorm.mesh import Floats, Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
-from cascadenorm.reports.decimation import MOST_FACES, Display, display
+from cascadenorm.reports.decimation import MOST_SHOWN_FACES, Display, decimated
 from cascadenorm.reports.given import Given
-from cascadenorm.reports.packing import STEPS, in_steps, packed, packed_faces
+from cascadenorm.reports.packing import VALUE_STEPS, in_steps, packed, packed_faces
 from cascadenorm.reports.places import DefectPlace
 
 FORMAT = 1
 LEVELS, FINE_LEVELS = (1 << 16) - 1, (1 << 24) - 1
-FEWEST = 30
-"""Levels per mean edge length below which FINE_LEVELS are used, as for a part far away from the rest."""
+FEWEST_LEVELS = 30
+"""Levels per mean edge length below which FINE_LEVELS are used, for example if a part is far from the rest."""
 MOST_TEXT = 11_200_000
 """Largest number of characters of all arrays, which keeps a page with viewer and picture below 12 MB."""
 FEWER_STEPS = 64
 """Steps over the colours of a quantity if the page would be too large."""
 LITTLE = 0.02
-"""Share of the box by which a result may extend beyond it; the viewer still draws that."""
+"""Fraction of its size by which a result may extend beyond the box; the viewer still draws it."""
 
 
 class _Frame(NamedTuple):
@@ -56,7 +56,7 @@ class _Drawn(NamedTuple):
     codes: NDArray[np.int64]
 
 
-def scene(shown: Sequence[Given], places: Sequence[DefectPlace], *, own: Field | None = None) -> dict[str, Any]:
+def viewer_scene(shown: Sequence[Given], places: Sequence[DefectPlace], *, own: Field | None = None) -> dict[str, Any]:
     """Pack meshes, the quantities on them, values given by the caller, and places of defects.
 
     Positions are quantised to LEVELS or FINE_LEVELS along each direction of the bounding box of all meshes. A mesh with
@@ -66,7 +66,7 @@ def scene(shown: Sequence[Given], places: Sequence[DefectPlace], *, own: Field |
     meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
     frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
     quantities = [*_fields(meshes, frame), *([own] if own else [])]
-    most, fewer_steps = MOST_FACES, False
+    most, fewer_steps = MOST_SHOWN_FACES, False
     while True:
         packed_meshes, drawn = _packed_meshes(shown, meshes, frame, most=most)
         packed_fields = [_packed_field(field, drawn, fewer_steps=fewer_steps) for field in quantities]
@@ -102,7 +102,7 @@ class Comparison:
         packed_meshes, self._drawn = _packed_meshes([before], {before.key: mesh}, self._frame)
         self._known: dict[str, Mapping[str, Floats]] = {}
         self.first = {**_about(self._frame, mesh), "meshes": packed_meshes, "fields": [], "places": []}
-        """The scene of the mesh without heat maps, which is ready soon."""
+        """The scene of the mesh without heat maps, which is available quickly."""
 
     def with_result(self, after: Given, vertices: NDArray[Any]) -> dict[str, Any]:
         """Return what extends the first scene to both meshes, or a whole scene if the result does not fit its box.
@@ -112,7 +112,7 @@ class Comparison:
         before, mesh = scaled_alike(self._mesh, self._mesh.moved(vertices))
         unit = scale_between(self._mesh, before)
         if unit != self._frame.unit or not self._frame.holds(mesh):
-            return scene([self._given, after], [])
+            return viewer_scene([self._given, after], [])
         alone = {self._given.key: self._drawn[self._given.key].mesh}
         self._known = self._known or {field.name: field.values for field in _fields(alone, self._frame)}
         meshes = {**alone, after.key: mesh}
@@ -129,7 +129,7 @@ def _frame(meshes: Collection[Mesh], unit: float) -> _Frame:
     corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes])
     lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
     edge = min(mesh.mean_edge_length for mesh in meshes)
-    levels = LEVELS if edge * LEVELS >= FEWEST * extent.max() else FINE_LEVELS
+    levels = LEVELS if edge * LEVELS >= FEWEST_LEVELS * extent.max() else FINE_LEVELS
     return _Frame(lower, extent, levels, unit)
 
 
@@ -155,14 +155,14 @@ def _packed_meshes(
     frame: _Frame,
     known: Mapping[str, _Drawn] | None = None,
     *,
-    most: int = MOST_FACES,
+    most: int = MOST_SHOWN_FACES,
 ) -> tuple[list[dict[str, Any]], dict[str, _Drawn]]:
     """Pack meshes; return them, and all displayed meshes including those in `known`."""
     packs, drawn = [], dict(known or {})
     for given in shown:
         mesh = meshes[given.key]
         like = next((key for key, one in drawn.items() if np.array_equal(one.mesh.faces, mesh.faces)), None)
-        faces = drawn[like].shown if like else display(mesh, most=most)
+        faces = drawn[like].shown if like else decimated(mesh, most=most)
         codes = frame.codes(mesh.vertices)[faces.kept_vertices]
         drawn[given.key] = _Drawn(mesh, faces, codes)
         packs.append(
@@ -184,14 +184,14 @@ def _packed_meshes(
 def _fields(
     meshes: Mapping[str, Mesh], frame: _Frame, known: Mapping[str, Mapping[str, Floats]] | None = None
 ) -> list[Field]:
-    with np.errstate(over="ignore"):  # what is too large for a number is no value
+    with np.errstate(over="ignore"):  # values that overflow count as unknown
         return fields(meshes, frame.unit, known=known or {})
 
 
 def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, fewer_steps: bool = False) -> dict[str, Any]:
     """Pack a field; meshes with the same values share them."""
     quantity = field.quantity
-    steps = STEPS if not fewer_steps else FEWER_STEPS // 2 if quantity.signed else FEWER_STEPS
+    steps = VALUE_STEPS if not fewer_steps else FEWER_STEPS // 2 if quantity.signed else FEWER_STEPS
     packs: list[dict[str, Any]] = []
     rows: list[NDArray[np.float64]] = []
     of_mesh = {}

@@ -18,10 +18,10 @@ from cascadenorm.registry import find
 from cascadenorm.render import Camera, HeatMap, Panel, inline_row, render
 from cascadenorm.reports import facts
 from cascadenorm.reports.given import Given, given
-from cascadenorm.reports.key_figures import Inspected, Measured, headline, key_figures
-from cascadenorm.reports.page import code, folded, listed, page, table
+from cascadenorm.reports.key_figures import InspectedMeshes, MeasuredMeshes, headline, key_figures
+from cascadenorm.reports.page import code, folded, html_list, page, table
 from cascadenorm.reports.places import DefectPlace, places
-from cascadenorm.reports.scene import scene
+from cascadenorm.reports.scene import viewer_scene
 
 PICTURE = 560
 """Width and height of each picture of a mesh, in pixels."""
@@ -104,7 +104,7 @@ def report(
         (one, replace(inspect(one.file, self_intersections=self_intersections), source=one.name)) for one in judged
     ]
     measured = [] if truth is None else [(one, measure(one.mesh, shown[-1].mesh)) for one in judged]
-    write_atomically(output, [written(shown, inspected, measured, summary).encode()], force=force)
+    write_atomically(output, [report_html(shown, inspected, measured, summary).encode()], force=force)
     return Contents({one.key: found for one, found in inspected}, {one.key: found for one, found in measured})
 
 
@@ -117,7 +117,9 @@ def report_denoised(
     return report(output, *shown, truth=truth, summary=summary, force=force)
 
 
-def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, done: DenoisingSummary | None) -> str:
+def report_html(
+    shown: Sequence[Given], inspected: InspectedMeshes, measured: MeasuredMeshes, done: DenoisingSummary | None
+) -> str:
     """Return the page of a report."""
     found = [place for one, inspection in inspected for place in places(one, inspection)]
     sections = _sections(shown, inspected, measured, done, found)
@@ -134,20 +136,20 @@ def written(shown: Sequence[Given], inspected: Inspected, measured: Measured, do
         tiles=key_figures(inspected, measured, done),
         picture=inline_row(drawn(shown, PICTURE), caption),
         caption=caption,
-        scene=scene(shown, found),
+        scene=viewer_scene(shown, found),
     )
 
 
 def _sections(
     shown: Sequence[Given],
-    inspected: Inspected,
-    measured: Measured,
+    inspected: InspectedMeshes,
+    measured: MeasuredMeshes,
     done: DenoisingSummary | None,
     found: Sequence[DefectPlace],
 ) -> list[tuple[str, str]]:
     """Return the titles and the HTML of what stands below the viewer."""
     warnings = facts.warnings(done, inspected)
-    sections = [("Warnings", listed(warnings))] if warnings else []
+    sections = [("Warnings", html_list(warnings))] if warnings else []
     if measured:
         errors = table(facts.measure_rows(measured), numbers=True)
         sections.append(("Errors against the truth", f"<p>{escape(SYMBOLS)}</p>{errors}"))
@@ -163,11 +165,11 @@ def _sections(
 
 def _settings(done: DenoisingSummary) -> str:
     """Return what the method is, the settings that were changed, and below a fold the others."""
-    method, settings = find(done.method), facts.settings(done)
+    method, (changed, usual) = find(done.method), facts.settings(done)
     about = f"<p>{escape(method.name)}: {escape(method.summary)} Source: {escape(method.source)}.</p>"
-    changed = table(settings.changed, prose=True) if settings.changed[1:] else ""
-    title = counted(len(settings.usual) - 1, "setting has its default", "settings have their defaults")
-    return about + changed + folded(title, table(settings.usual, prose=True))
+    title = counted(len(usual) - 1, "setting has its default", "settings have their defaults")
+    shown = table(changed, prose=True) if changed[1:] else ""
+    return about + shown + folded(title, table(usual, prose=True))
 
 
 def _undrawn(alone: Given) -> str | None:

@@ -18,7 +18,7 @@ from cascadenorm.studio.names import plain_name, setting_name
 from cascadenorm.studio.session import RequestFailed, Session
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
-MOST_BYTES = 1 << 20
+MOST_REQUEST_BYTES = 1 << 20
 """Largest size of a JSON request, in bytes."""
 MOST_TICKET = 100
 """Largest length of the ticket by which a page identifies its request."""
@@ -232,7 +232,7 @@ async def _body(request: Request, most: int) -> bytes:
 
 
 async def _json(request: Request) -> dict[str, Any]:
-    text = await _body(request, MOST_BYTES)
+    text = await _body(request, MOST_REQUEST_BYTES)
     try:
         given = json.loads(text)
         json.dumps(given, ensure_ascii=False).encode()  # refuses half of a surrogate pair, which no file name can hold

@@ -2,7 +2,7 @@
 
 from cascadenorm.errors import OutputError
 
-MOST_BYTES = 200
+MOST_NAME_BYTES = 200
 """Longest file name, in bytes of UTF-8."""
 
 
@@ -10,7 +10,7 @@ def plain_name(name: object) -> str:
     """Return a file name without folders; raise OutputError for anything else, such as a path."""
     text = name if isinstance(name, str) else ""
     bad = any(letter in '/\\:*?"<>|' or ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in text)
-    if bad or not text.strip() or text.startswith(".") or len(text.encode(errors="replace")) > MOST_BYTES:
+    if bad or not text.strip() or text.startswith(".") or len(text.encode(errors="replace")) > MOST_NAME_BYTES:
         raise OutputError(
             f"{name!r} is not a plain file name", hint="give one without folders, such as part_denoised.ply"
         )

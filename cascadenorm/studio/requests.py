@@ -62,7 +62,7 @@ def save(
     return {**about, **recipe(bench, settings, target)}
 
 
-def packed(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
+def download(bench: Workbench, settings: dict[str, Any], name: str, listener: Listener) -> dict[str, Any]:
     """Return the result of `save` with the bytes of the file, or of a ZIP file, and the names of all `files`."""
     with TemporaryDirectory() as folder:
         done = save(bench, settings, Path(folder) / name, listener, force=False)
@@ -143,7 +143,7 @@ class Requests:
                 target = Path(given["target"])
                 return save(self._bench, given["settings"], target, listener, force=given["force"])
             case "download":
-                return packed(self._bench, given["settings"], given["name"], listener)
+                return download(self._bench, given["settings"], given["name"], listener)
             case "recipe":
                 return recipe(self._bench, given["settings"], Path(given["target"]))
         raise ValueError(kind)

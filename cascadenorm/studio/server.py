@@ -23,7 +23,7 @@ from cascadenorm.studio.session import Session
 from cascadenorm.studio.uploads import Uploads, check_size
 
 HOST = "127.0.0.1"
-SETTINGS: dict[str, Any] = {
+SERVER_SETTINGS: dict[str, Any] = {
     "log_level": "critical",
     "access_log": False,
     "ws": "none",
@@ -66,7 +66,7 @@ def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: i
         routes = Application(session, Uploads(Path(folder), most=most)).routes()
         port = listening.getsockname()[1]
         guarded = Guard(Starlette(routes=routes, lifespan=working), port=port, token=token)
-        server = uvicorn.Server(uvicorn.Config(guarded, **SETTINGS))
+        server = uvicorn.Server(uvicorn.Config(guarded, **SERVER_SETTINGS))
         address = f"http://{HOST}:{port}/#token={token}"
         print(f"The studio is at {address}\nClose its page, or press Ctrl-C, to end it.", flush=True)
         if browser:
@@ -114,14 +114,14 @@ def _listening(port: int) -> socket.socket:
     return listening
 
 
-POLICY = (
+STUDIO_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data: blob:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Content security policy: the page loads nothing from elsewhere, and no other page can embed it in a frame."""
 
 HEADERS = {
-    "content-security-policy": POLICY,
+    "content-security-policy": STUDIO_POLICY,
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",

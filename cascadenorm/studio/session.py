@@ -12,7 +12,7 @@ from cascadenorm.errors import WorkerError
 from cascadenorm.studio.worker import Channel, Reply, Request
 
 CANCEL_TIMEOUT_S = 3.0
-"""Seconds after which the process of cancelled work that does not end is killed."""
+"""Seconds after which the process of cancelled work is killed if it has not ended."""
 
 Event = dict[str, Any]
 """Sent to the pages, as JSON.
@@ -74,7 +74,7 @@ class Session:
         self.opened = {"type": "opening", "name": Path(name).name}
         self._tell(self.opened)
         try:
-            await self.form()  # a page has nothing to show without it
+            await self.form()  # the page cannot show anything without it
             await self.open(path, name, saves=True)
         except RequestFailed as error:
             self.opened = {"type": "unopened", **error.content}
@@ -147,7 +147,7 @@ class Session:
         worker = self._ready()
         request = Request(next(self._numbers), kind, arguments)
         future = asyncio.get_running_loop().create_future()
-        future.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait for it
+        future.add_done_callback(lambda done: done.cancelled() or done.exception())  # possibly nothing waits for it
         self._waiting[request.number] = (request, future, monotonic())
         worker.send(request)
         return request.number
@@ -168,9 +168,9 @@ class Session:
             self._worker.cancel_before(number)
         outdated = [one for one, (request, *_) in self._waiting.items() if request.kind == "denoise" and one < number]
         if outdated:
-            asyncio.get_running_loop().call_later(CANCEL_TIMEOUT_S, self._end_what_hangs, outdated)
+            asyncio.get_running_loop().call_later(CANCEL_TIMEOUT_S, self._kill_unresponsive, outdated)
 
-    def _end_what_hangs(self, numbers: list[int]) -> None:
+    def _kill_unresponsive(self, numbers: list[int]) -> None:
         """Kill a worker that still runs cancelled requests; a new one gets the requests sent since."""
         if self._worker is None or not self._waiting.keys() & set(numbers):
             return
@@ -193,7 +193,7 @@ class Session:
             del self._waiting[reply.number]
         elif reply.kind == "preview" or reply.content == 0.0:  # the time left is counted from here
             self._waiting[reply.number] = (request, future, since := monotonic())
-        if future.done():  # nobody waits any more
+        if future.done():  # nothing waits for it any more
             pass
         elif reply.kind == "failed":
             future.set_exception(RequestFailed(reply.content))
@@ -230,7 +230,7 @@ class Session:
                 self._tell({"type": "failed", "ticket": request.arguments["ticket"], **content})
 
     def _keep(self, scene: bytes) -> int:
-        """Keep a scene until two newer ones are there, besides the first; return its number."""
+        """Keep a scene until there are two newer ones, apart from the first; return its number."""
         number = next(self._numbers)
         self.scenes[number] = scene
         for old in sorted(self.scenes)[1:-2]:

@@ -20,9 +20,9 @@ from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.mesh import Mesh, Vectors, in_frame, limit_threads, without_lines
 from cascadenorm.registry.controls import CONTROLS, Controls, parsed_length
-from cascadenorm.reports.decimation import Display, display
+from cascadenorm.reports.decimation import Display, decimated
 from cascadenorm.reports.given import Given
-from cascadenorm.reports.scene import Comparison, scene
+from cascadenorm.reports.scene import Comparison, viewer_scene
 from cascadenorm.studio.painting import over_painted, with_paint
 from cascadenorm.studio.settings import Chosen, chosen
 
@@ -42,7 +42,7 @@ def suggested_name(file: io.MeshFile, name: Path) -> str:
     return named.name
 
 
-class Result(NamedTuple):
+class StudioResult(NamedTuple):
     """What a method made of the mesh."""
 
     vertices: NDArray[Any]  # (n, 3)
@@ -91,7 +91,7 @@ def coarse(mesh: Mesh) -> Coarse | None:
     """Return a coarse mesh for previews; None if the mesh is small enough itself."""
     if len(mesh.faces) <= 2 * COARSE:
         return None
-    shown = display(mesh, most=COARSE)
+    shown = decimated(mesh, most=COARSE)
     return Coarse(Mesh(mesh.vertices[shown.kept_vertices], shown.faces), shown)
 
 
@@ -117,10 +117,10 @@ class Workbench:
             self.file = self.file.isolating()
             self.mesh, self.notice = mesh_of_file(self.file, name), error.problem
         self.target = str(Path(name).with_name(suggested_name(self.file, Path(name))))
-        self.shown = display(self.mesh)
+        self.shown = decimated(self.mesh)
         self.scenes = Comparison(Given("before", self.name, self.file))
         self.paint = np.zeros(len(self.mesh.vertices), np.uint8)
-        self._results: dict[str, Result] = {}
+        self._results: dict[str, StudioResult] = {}
         self._steps: dict[float, KnownSteps] = {}
         self._steps_key = ""
 
@@ -172,7 +172,7 @@ class Workbench:
             controls["on_bad"] = "isolate"
         return asked._replace(controls=with_paint(resolve_controls(controls, self.file), self.paint))
 
-    def result(self, settings: dict[str, Any], listener: Listener) -> Result:
+    def result(self, settings: dict[str, Any], listener: Listener) -> StudioResult:
         """Return the result of some settings, possibly from the cache."""
         key = self._key(settings)
         known = self._results.pop(key, None)
@@ -180,7 +180,7 @@ class Workbench:
             asked = self.asked(settings)
             watch = Stopwatch()
             vertices = self._controlled(asked, listener)
-            known = Result(vertices, watch.seconds(), *self._error(asked))
+            known = StudioResult(vertices, watch.seconds(), *self._error(asked))
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]
@@ -209,7 +209,7 @@ class Workbench:
             vertices = run_with_controls(asked.method, coarse.mesh, asked.parameters, controls, steps=steps)
         before, after = (io.from_arrays(v, coarse.mesh.faces) for v in (coarse.mesh.vertices, vertices))
         meshes = [Given("before", self.name, before), Given("after", self.target, after)]
-        return packed_scene(scene(meshes, []), faces=len(self.mesh.faces))
+        return packed_scene(viewer_scene(meshes, []), faces=len(self.mesh.faces))
 
     def _key(self, settings: dict[str, Any]) -> str:
         return json.dumps(settings, sort_keys=True) + self.paint.tobytes().hex() * bool(self.paint.any())

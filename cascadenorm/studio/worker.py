@@ -14,6 +14,7 @@ from time import monotonic
 from typing import Any, NamedTuple
 
 from cascadenorm.errors import CascadenormError, OutputError, ParameterError, WorkerError
+from cascadenorm.execution.progress import Cancelled
 from cascadenorm.execution.worker_processes import Worker
 from cascadenorm.studio.names import setting_name
 
@@ -35,10 +36,6 @@ class Reply(NamedTuple):
     number: int
     kind: str
     content: Any
-
-
-class Cancelled(Exception):
-    """The request was cancelled."""
 
 
 class Channel:

@@ -21,7 +21,7 @@ Maker = Callable[[float, np.random.Generator], Mesh]
 Ring = NDArray[np.int64]  # vertices along a loop, counterclockwise seen from above, or from the end of a sweep
 WallProfile = list[tuple[float, float]]  # outward offsets and heights of the rings along a wall
 
-ROUGHEST, FINEST = 0.05, 2e-6
+ROUGHEST_TOLERANCE, FINEST_TOLERANCE = 0.05, 2e-6
 """Range of chord tolerances, relative to the size of a part, that is searched for the wanted number of faces. That
 number varies with the inverse square root of the tolerance for strips, and with its inverse for doubly curved
 surfaces, so that a power of 1.5 converges for both."""
@@ -119,7 +119,7 @@ def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
         ratio = len(mesh.faces) / faces
         if 0.7 <= ratio <= 1.4:
             return _finished(mesh, rng=rng)
-        tolerance = min(max(tolerance * ratio**1.5, FINEST), ROUGHEST)
+        tolerance = min(max(tolerance * ratio**1.5, FINEST_TOLERANCE), ROUGHEST_TOLERANCE)
     raise UnfitShapeError("no chord tolerance gives so many faces")
 
 

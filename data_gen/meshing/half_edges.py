@@ -16,7 +16,7 @@ from cascadenorm.mesh.vectors import Three, Vector, cross, length, subtract
 SMOOTH, CREASE, CORNER = 0, 1, 2  # kinds of vertices: free, on a line of marked edges, and fixed, as at boundaries
 
 RING = 48  # vertices with more neighbours than this are not edited
-MOST_FACES = 512  # a vertex with more faces counts as not manifold
+MOST_FACES_AROUND = 512  # a vertex with more faces counts as not manifold
 
 
 class HalfEdges(NamedTuple):
@@ -39,7 +39,7 @@ def is_manifold(mesh: Mesh) -> bool:
     if len(np.unique(directed)) < directed.size or (mesh.faces == ahead).any():
         return False
     one_fan_each = mesh.topology.fans().max() + 1 == mesh.topology.used_vertices.sum()
-    return bool(one_fan_each and mesh.topology.vertex_faces.counts.max() <= MOST_FACES)
+    return bool(one_fan_each and mesh.topology.vertex_faces.counts.max() <= MOST_FACES_AROUND)
 
 
 def half_edges_of(mesh: Mesh, *, creases: NDArray[np.bool_] | None = None, capacity: float = 3.0) -> HalfEdges:

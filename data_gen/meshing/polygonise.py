@@ -44,7 +44,7 @@ def gradients(field: DistanceField, points: Vectors, *, step: float) -> Vectors:
     return np.asarray(values.T @ corners / (4 * step))
 
 
-def projected(field: DistanceField, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
+def onto_surface(field: DistanceField, points: Vectors, *, size: float, reach: float = 1.0, steps: int = 2) -> Vectors:
     """Move points along the gradient to the zero level of the field, by at most `reach` sizes in each step.
 
     The size is a length that is small compared with the shape and much larger than the step of the differences.

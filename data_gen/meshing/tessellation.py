@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.data_gen.meshing.decimate import decimate
 from cascadenorm.data_gen.meshing.half_edges import CORNER, SMOOTH, HalfEdges, half_edges_of, is_manifold, mesh_of
-from cascadenorm.data_gen.meshing.polygonise import gradients, meeting_points, projected
+from cascadenorm.data_gen.meshing.polygonise import gradients, meeting_points, onto_surface
 from cascadenorm.data_gen.meshing.remesh import SHORT, collapse_short, flip_edges, mend, slide, split_long
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, fit, polygonised
 from cascadenorm.data_gen.shapes.fields import DistanceField
@@ -47,7 +47,7 @@ def tessellate(
     mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, window=window, rng=rng)
     if not is_manifold(mesh):
         raise UnfitShapeError("the polygonised surface is not manifold")
-    half_edges = half_edges_of(mesh, creases=creases_of(field, mesh) if sharp else None)
+    half_edges = half_edges_of(mesh, creases=shape_creases(field, mesh) if sharp else None)
     half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / coarse)
     mend(half_edges)
     _TESSELLATIONS[tessellation](field, half_edges, rng)
@@ -71,7 +71,7 @@ def settle(field: DistanceField, half_edges: HalfEdges) -> None:
     alive = half_edges.start[:n] >= 0
     free = alive & (half_edges.kind[:n] == SMOOTH)
     spacing = float(half_edges.length[0])
-    half_edges.points[:n][free] = projected(field, half_edges.points[:n][free], size=0.3 * spacing)
+    half_edges.points[:n][free] = onto_surface(field, half_edges.points[:n][free], size=0.3 * spacing)
 
     faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
     faces = faces[faces[:, 0] >= 0]
@@ -83,14 +83,14 @@ def settle(field: DistanceField, half_edges: HalfEdges) -> None:
         return
     vertex = faces[face, corner]
     middle = half_edges.points[faces[face]].mean(axis=1)
-    samples = projected(field, 0.6 * half_edges.points[vertex] + 0.4 * middle, size=0.3 * spacing)
+    samples = onto_surface(field, 0.6 * half_edges.points[vertex] + 0.4 * middle, size=0.3 * spacing)
     normals = unit(gradients(field, samples, step=1e-4 * spacing))
     places, rank = meeting_points(samples, normals, vertex.astype(np.int64), n, reach=0.5 * spacing)
     moved = held & ((half_edges.kind[:n] != CORNER) | (rank == 3)) & (rank > 1)
     half_edges.points[:n][moved] = places[moved]
 
 
-def creases_of(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
+def shape_creases(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
     """Mark the edges of the mesh that lie on an edge of the shape, where the normal jumps within part of a triangle.
 
     A narrow fillet is therefore not marked, however much the mesh bends there.
@@ -101,7 +101,7 @@ def creases_of(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
     middle = mesh.vertices[mesh.topology.edges[edges]].mean(axis=1)
     spacing = mesh.mean_edge_length
     beside = (0.7 * middle + 0.3 * mesh.centroids[pairs]).reshape(-1, 3)
-    beside = projected(field, beside, size=0.2 * spacing)
+    beside = onto_surface(field, beside, size=0.2 * spacing)
     normals = unit(gradients(field, beside, step=1e-3 * spacing)).reshape(2, -1, 3)
     creases = np.zeros(len(mesh.topology.edges), bool)
     creases[edges] = np.einsum("ij,ij->i", *normals) < np.cos(JUMP)
@@ -111,7 +111,7 @@ def creases_of(field: DistanceField, mesh: Mesh) -> NDArray[np.bool_]:
 def field_normals(field: DistanceField, mesh: Mesh) -> Vectors:
     """Return the normals of the surface at the points nearest to the face centroids."""
     spacing = mesh.mean_edge_length
-    return unit(gradients(field, projected(field, mesh.centroids, size=0.3 * spacing), step=1e-3 * spacing))
+    return unit(gradients(field, onto_surface(field, mesh.centroids, size=0.3 * spacing), step=1e-3 * spacing))
 
 
 def _lattice(field: DistanceField, half_edges: HalfEdges, rng: np.random.Generator) -> None:
@@ -196,7 +196,7 @@ def _halved(field: DistanceField, mesh: Mesh, *, sharp: bool) -> HalfEdges:
     fine = Mesh(vertices, faces)
     creases = None
     if sharp:
-        marked = np.flatnonzero(creases_of(field, mesh))
+        marked = np.flatnonzero(shape_creases(field, mesh))
         halves = edges[marked].astype(np.int64) * len(vertices) + (len(mesh.vertices) + marked)[:, None]
         creases = np.isin(fine.topology.edges.astype(np.int64) @ [len(vertices), 1], halves)
     half_edges = half_edges_of(fine, creases=creases, capacity=1.0)

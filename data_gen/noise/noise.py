@@ -13,7 +13,7 @@ from cascadenorm.mesh import Mesh, Vectors
 
 WIDEST_NOISE = 40  # largest number of neighbour averages of correlated noise, which then extends over eight edges
 WHITE_SHARE = 0.15, 0.8  # deviation of the white noise added to correlated noise, as a share of the latter
-FINEST = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
+MOST_ROUNDING = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
 WAVELENGTHS = 3.5, 16.0  # wavelengths of patterns and sines, in mean edge lengths
 STEEPNESS = 0.01, 0.16  # ratio of the height of patterns and sines to their wavelength
 RELIEF_PASSES = 2.0, 40.0  # averages of white noise over neighbours
@@ -102,7 +102,7 @@ def _correlated(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vecto
 
 def _quantised(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     """Return the error of rounding to a randomly rotated and shifted lattice with a spacing of √12 deviations."""
-    spacing = np.sqrt(12) * min(deviation, FINEST * mesh.mean_edge_length)
+    spacing = np.sqrt(12) * min(deviation, MOST_ROUNDING * mesh.mean_edge_length)
     if spacing == 0:
         return np.zeros(mesh.vertices.shape)
     turn, shift = random_rotation(rng=rng), rng.random(3)

@@ -16,7 +16,7 @@ LASER_LEVELS = 0.04, 0.25  # standard deviation of the error of a laser scanner,
 MOST_WHITE = 0.6  # largest share of the variance that is independent per vertex
 STEEPEST_VIEW = 0.2  # least cosine between viewing direction and normal; steeper parts have the same error
 BOUNDARY_RATIO = 1.0, 5.0  # ratio of the error at the boundary to that within the sheet
-BOUNDARY_PASSES = 1, 5  # averages over neighbours over which the larger error at the boundary fades out
+FADE_PASSES = 1, 5  # averages over neighbours over which the larger error at the boundary fades out
 
 
 def sensor_displacements(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
@@ -52,7 +52,7 @@ def laser_displacements(mesh: Mesh, deviation: float, rng: np.random.Generator) 
     error = np.sqrt(share) * white + np.sqrt(1 - share) * wide / wide.std()
     error *= np.maximum(mesh.vertex_normals @ toward, STEEPEST_VIEW) ** -rng.uniform(0, 1)
     boundary = mesh.topology.boundary_vertices.astype(np.float64)
-    near = blurred(boundary, means, int(rng.integers(*BOUNDARY_PASSES)))
+    near = blurred(boundary, means, int(rng.integers(*FADE_PASSES)))
     error *= 1 + (log_uniform(BOUNDARY_RATIO, rng=rng) - 1) * near / max(near.max(), np.finfo(float).tiny)
     error *= deviation / np.sqrt(np.mean(error**2))
     return np.asarray(error[:, None] * toward)

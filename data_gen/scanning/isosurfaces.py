@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from cascadenorm.data_gen.meshing.polygonise import projected
+from cascadenorm.data_gen.meshing.polygonise import onto_surface
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.volumes import (
@@ -103,5 +103,5 @@ def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.rand
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
     placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
     if rng.random() < RELAXED_SHARE:
-        placed = placed.moved(projected(field, placed.vertices, size=0.3 * voxel))
+        placed = placed.moved(onto_surface(field, placed.vertices, size=0.3 * voxel))
     return placed

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.data_gen.meshing.polygonise import gradients, projected
+from cascadenorm.data_gen.meshing.polygonise import gradients, onto_surface
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.mesh import Mesh, Vectors, unit
 
@@ -33,7 +33,7 @@ def beneath(field: DistanceField, noisy: Mesh, *, cell: float) -> Measured:
     nearest to its centroid. `cell` is the length of the details that the measurement resolves, such as the edge of a
     voxel.
     """
-    points = projected(field, np.concatenate([noisy.vertices, noisy.centroids]), size=cell, steps=8)
+    points = onto_surface(field, np.concatenate([noisy.vertices, noisy.centroids]), size=cell, steps=8)
     vertices, feet = np.split(points, [len(noisy.vertices)])
     slope = gradients(field, feet, step=1e-3 * cell)
     found = np.abs(field(feet)) < CONVERGED * cell

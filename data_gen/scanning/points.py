@@ -6,7 +6,7 @@ from scipy import fft
 from scipy.sparse.linalg import LinearOperator, cg
 
 from cascadenorm.data_gen.meshing.lattice import grid, trilinear
-from cascadenorm.data_gen.meshing.polygonise import gradients, projected
+from cascadenorm.data_gen.meshing.polygonise import gradients, onto_surface
 from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.volumes import SMALLEST_COMPONENT, volume_surface
@@ -19,7 +19,7 @@ MARGIN_CELLS = 6  # cells around the shape
 OUTLIER_POINTS = 0.01  # largest share of outliers among the points
 SOLVER_ROUNDS = 12  # iterations of conjugate gradients
 STIFFNESS = 0.05  # weight of a point in the system at screening 1
-FEWEST, MOST = 1_500, 60_000  # numbers of points
+FEWEST_POINTS, MOST_POINTS = 1_500, 60_000  # numbers of points
 SPARSEST, DENSEST = 0.1, 4.0  # points per two faces: at the least one point for 20 faces
 NOISIER = 0.3  # share of the point clouds whose error is up to twice the level
 
@@ -33,7 +33,9 @@ def reconstruction(
     if the points do not define a closed surface.
     """
     cell = float(np.sqrt(CELLS * extent.area / faces))
-    count = int(np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST, MOST))
+    count = int(
+        np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST_POINTS, MOST_POINTS)
+    )
     if rng.random() < NOISIER:
         level *= float(rng.uniform(1, 2))
     points, normals = sampled_points(field, extent.rough, count=count, level=level, size=cell, rng=rng)
@@ -64,7 +66,7 @@ def sampled_points(
     face = rng.choice(len(weights), count, p=weights / weights.sum())
     weight = rng.dirichlet(np.ones(3), count)
     points = np.einsum("nk,nkd->nd", weight, rough.vertices[rough.faces[face]])
-    points = projected(field, points, size=size, steps=6)
+    points = onto_surface(field, points, size=size, steps=6)
     normals = unit(gradients(field, points, step=1e-3 * size))
     gap = np.sqrt(rough.area / count)
     points = points + (level * gap * rng.normal(size=count))[:, None] * normals

@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.transform import Rotation
 
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.polygonise import gradients, off_nodes, projected
+from cascadenorm.data_gen.meshing.polygonise import gradients, off_nodes, onto_surface
 from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, UnfitShapeError, disentangled
 from cascadenorm.data_gen.noise.sensor import camera_errors
 from cascadenorm.data_gen.scanning.measured import Measured
@@ -27,7 +27,7 @@ DISTANCES = 4.0, 6.0, 30.0  # distances of cameras; rays from the last are nearl
 LIT = 0.45, 0.85  # approximate share of a closed surface seen by cameras on one side of it, and all around
 IMAGES = 8  # largest number of images from one side; all around, the least number, and at most twice as many
 TURNED = np.pi / 3  # largest angle between the cameras on one side and the middle one
-FOLDED = np.radians(5)  # largest mean angle between the clean mesh and the surface under it
+MOST_TILT = np.radians(5)  # largest mean angle between the clean mesh and the surface under it
 
 
 class DepthImage(NamedTuple):
@@ -78,7 +78,9 @@ def depth_image(
     return DepthImage(eye, turn, distance, pixels, ratio, depth, points)
 
 
-def view(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator, ratio: float = 1.0) -> Mesh:
+def scanned_view(
+    field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator, ratio: float = 1.0
+) -> Mesh:
     """Mesh what is visible of a field from a random direction, one vertex per ray, on a grid of steps with `ratio`."""
     step = float(np.sqrt(extent.area / SEEN / (0.5 * faces) / ratio))
     turn = random_rotation(rng=rng)
@@ -139,9 +141,9 @@ def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng
     half = np.abs(turn.T) @ (0.5 * (extent.upper - extent.lower)) + 2 * spacing
     nodes = grid(half, np.full(3, spacing)) @ turn.T + extent.middle
     noisy = _meshed(_distances(images, nodes, truncation=truncation, smooth=smooth), nodes, spacing)
-    clean = noisy.moved(projected(field, noisy.vertices, size=spacing, reach=np.inf, steps=6))
+    clean = noisy.moved(onto_surface(field, noisy.vertices, size=spacing, reach=np.inf, steps=6))
     true = unit(gradients(field, clean.centroids, step=1e-3 * spacing))
-    if angles_between(clean.face_normals, true).mean() > FOLDED:
+    if angles_between(clean.face_normals, true).mean() > MOST_TILT:
         raise UnfitShapeError("the clean mesh is not that of the shape")
     return Measured(noisy, clean, clean.face_normals)
 

@@ -12,7 +12,7 @@ import cascadenorm as cn
 from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.meshing.tessellation import tessellate
 from cascadenorm.data_gen.noise.noise import displacements
-from cascadenorm.data_gen.scanning.views import view
+from cascadenorm.data_gen.scanning.views import scanned_view
 from cascadenorm.data_gen.shapes import fields, organic
 from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Method, Setting, by_family
@@ -44,7 +44,7 @@ def examples() -> dict[str, Example]:
     box, bust, head = fields.box([0.7, 0.7, 0.7]), organic.bust(0.03, skin), organic.bust(0.03, sheet)
     cube = tessellate(box, extent_of(box, rng=edges), faces=5000, sharp=True, tessellation="even", rng=edges)
     statue = tessellate(bust, extent_of(bust, rng=skin), faces=8000, sharp=False, tessellation="even", rng=skin)
-    scan = view(head, extent_of(head, rng=sheet), faces=8000, rng=sheet)
+    scan = scanned_view(head, extent_of(head, rng=sheet), faces=8000, rng=sheet)
     return {
         "cube": _disturbed(cube, "gaussian", 0.25, edges),
         "statue": _disturbed(statue, "gaussian", 0.2, skin),

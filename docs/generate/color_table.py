@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.render.color import STEPS, encoded
+from cascadenorm.render.color import COLOR_STEPS, encoded
 
 TABLE = Path(__file__).parents[2] / "cascadenorm" / "render" / "colors.json"
 SURFACES = {"clay": "b8c2d1", "inside": "cc8c6b", "unknown": "9e9e9e", "pinned": "f0641e"}
@@ -35,7 +35,7 @@ TO_LIGHT = np.array(
 def main() -> None:
     """Write the table."""
     file = Path(sys.argv[1]) if len(sys.argv) > 1 else TABLE
-    place = np.linspace(0, 1, STEPS)
+    place = np.linspace(0, 1, COLOR_STEPS)
     away = np.abs(2 * place - 1)
     maps = {
         "sequential": oklab(

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from PIL import Image
 
-from cascadenorm.cli.demo import BEFORE_AFTER, EXAMPLES, demo, draw, meshes_of
+from cascadenorm.cli.demo import BEFORE_AFTER, EXAMPLES, demo, draw_demo, example_meshes
 from cascadenorm.mesh import Mesh
 from cascadenorm.render import Camera, render
 
@@ -25,9 +25,9 @@ def main() -> None:
     """Replace both pictures."""
     with TemporaryDirectory() as folder:
         done = demo(folder)
-        draw(done, Path(folder))
+        draw_demo(done, Path(folder))
         copyfile(Path(folder) / BEFORE_AFTER, DOCS / "demo.png")
-        split = np.concatenate([halves(pair.name, *meshes_of(done, pair)) for pair in done.pairs], axis=1)
+        split = np.concatenate([halves(pair.name, *example_meshes(done, pair)) for pair in done.pairs], axis=1)
     Image.fromarray(split).quantize(256, dither=Image.Dither.NONE).save(DOCS / "split.png", optimize=True)
 
 

@@ -9,7 +9,7 @@ from partitions import walls
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.regions.coincidence import coincident_vertices, join_meshes
+from cascadenorm.api.regions.regions import coincident_vertices, join_meshes
 from cascadenorm.cli import run
 from cascadenorm.errors import MeshError
 from cascadenorm.io.interop import save_mesh
@@ -139,9 +139,9 @@ def test_joined_meshes_share_the_vertices_that_coincide():
     first, groups = coincident_vertices([one, other])
     np.testing.assert_array_equal(first, [0, 1, 2, 1, 0, 5])
     assert groups[0] == groups[1]
-    whole = join_meshes([one, other], first)
-    np.testing.assert_array_equal(whole.mesh.faces, [(0, 1, 2), (1, 0, 3)])
-    np.testing.assert_array_equal(whole.mesh.vertices[whole.vertices[:3]], one.vertices)
+    whole, vertices = join_meshes([one, other], first)
+    np.testing.assert_array_equal(whole.faces, [(0, 1, 2), (1, 0, 3)])
+    np.testing.assert_array_equal(whole.vertices[vertices[:3]], one.vertices)
 
 
 @pytest.mark.parametrize("kind", ["arrays", "trimesh"])

@@ -110,14 +110,14 @@ def test_a_batch_goes_on_where_another_has_ended(place, cluster):
 
 def test_workers_that_cannot_do_the_work_are_named(place, cluster, monkeypatch):
     scans(place / "scans", 1)
-    with pytest.raises(WorkerError, match=r"runs in .*, where relative names mean others: give absolute ones"):
+    with pytest.raises(WorkerError, match=r"runs in .*, so relative paths refer to other files there: use absolute"):
         denoise_files("scans", "out", method="taubin", scheduler=cluster[0])
     mask = place / "mask.npy"
     np.save(mask, np.ones(162))
-    with pytest.raises(WorkerError, match="relative names"):
+    with pytest.raises(WorkerError, match="relative paths"):
         denoise_files([place / "scans"], place / "out", method="taubin", scheduler=cluster[0], mask="mask.npy")
     monkeypatch.setattr(cluster_processes, "__version__", "0.0.1")
-    with pytest.raises(WorkerError, match=r"it has cascadenorm .*, and here is 0\.0\.1"):
+    with pytest.raises(WorkerError, match=r"it has cascadenorm .*, but this process has 0\.0\.1"):
         denoise_files([place / "scans"], place / "out", method="taubin", scheduler=cluster[0])
 
 

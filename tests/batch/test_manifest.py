@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cascadenorm.batch.manifest import MANIFEST_NAME, Manifest
-from cascadenorm.batch.settings import settings_of
+from cascadenorm.batch.settings import batch_settings
 from cascadenorm.errors import OutputError, ParameterError
 from cascadenorm.registry import find
 
@@ -29,7 +29,7 @@ def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path)
     usual = find("laplacian").settings["iterations"].default
 
     def key(method="laplacian", parameters=None, **controls):
-        return settings_of(method, parameters or {}, controls, None, force=False)[0].key
+        return batch_settings(method, parameters or {}, controls, None, force=False)[0].key
 
     assert key() == key(threads=1) == key(strength=1.0) == key(parameters={"iterations": usual})
     first = key(mask=str(mask))

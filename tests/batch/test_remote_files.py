@@ -281,11 +281,11 @@ def test_a_file_is_put_after_what_lies_beside_it(bucket, tmp_path, monkeypatch):
     folder.mkdir()
     for name in ("a.obj", "b.mtl"):
         (folder / name).write_text(name, encoding="ascii")
-    remote_files.put(folder, f"s3://{bucket.name}/out/a.obj")
+    remote_files.upload(folder, f"s3://{bucket.name}/out/a.obj")
     found = sorted(bucket.objects.all(), key=lambda one: one.last_modified)
     assert sorted(one.key for one in found) == ["out/a.obj", "out/b.mtl"]
     (folder / "b.mtl").unlink()
     (folder / "b.mtl").symlink_to("nowhere")
     with pytest.raises(OutputError):
-        remote_files.put(folder, f"s3://{bucket.name}/other/a.obj")
+        remote_files.upload(folder, f"s3://{bucket.name}/other/a.obj")
     assert objects(bucket, "other/") == {}

@@ -8,7 +8,7 @@ from shapes import noisy
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.processes import LocalProcesses
 from cascadenorm.batch.scheduling import Place
-from cascadenorm.batch.settings import settings_of
+from cascadenorm.batch.settings import batch_settings
 from cascadenorm.batch.work import Outcome, Task, work
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.memory import PROCESS_BYTES
@@ -17,7 +17,7 @@ from cascadenorm.io.interop import save_mesh
 
 def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
     scans(place, 1)
-    settings = settings_of("laplacian", {}, {}, None, force=False)[0]
+    settings = batch_settings("laplacian", {}, {}, None, force=False)[0]
     task = Task(Job("a/0.ply", "out/a/0.ply", 0, 0), None)
     checked = work(settings, task)
     assert checked.status == "new"

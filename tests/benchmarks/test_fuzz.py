@@ -1,6 +1,6 @@
 """Damaged files and malformed meshes by the thousand: a result that holds what is promised, or an error of ours.
 
-`-m slow` takes ten times as many; `benchmarks/robustness/fuzz.py` goes on for hours.
+`-m slow` takes ten times as many; `python -m benchmarks.robustness.malformed random` goes on for hours.
 """
 
 import time

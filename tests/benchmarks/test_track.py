@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
-from benchmarks.speed import kernel_use
 from benchmarks.speed import kernels as script
 from cascadenorm import denoise
 from cascadenorm.mesh import Csr
@@ -32,7 +31,7 @@ def test_a_count_that_has_grown_is_named():
 
 def test_kernels_are_watched_inside_the_block_alone():
     mesh = noisy(icosphere(2), 0.1)
-    with kernel_use.watched() as uses:
+    with script.watched() as uses:
         denoise(mesh, method="bilateral-normal", iterations=3, sweeps=2)
         seen = {name: use.rows for name, use in uses.items()}
     assert seen["baselines.bilateral_normal.bilateral_pass"] == 3 * len(mesh.faces)
@@ -44,5 +43,5 @@ def test_kernels_are_watched_inside_the_block_alone():
 
 def test_a_pass_moves_each_array_once_and_as_far_as_it_goes():
     points, rows = np.zeros((10, 3)), Csr(np.zeros(11, np.int64), np.zeros(40, np.int32))
-    assert kernel_use.least_bytes(10, (points, points, rows)) == 240 + 88 + 160
-    assert kernel_use.least_bytes(5, (points, points, rows)) == (240 + 88 + 160) / 2
+    assert script.least_bytes(10, (points, points, rows)) == 240 + 88 + 160
+    assert script.least_bytes(5, (points, points, rows)) == (240 + 88 + 160) / 2

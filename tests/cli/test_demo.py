@@ -7,7 +7,7 @@ import pytest
 
 from cascadenorm.api.api import compare
 from cascadenorm.cli import run
-from cascadenorm.cli.demo import BEFORE_AFTER, ERRORS, EXAMPLES, demo, draw, meshes_of
+from cascadenorm.cli.demo import BEFORE_AFTER, ERRORS, EXAMPLES, demo, draw_demo, example_meshes
 from cascadenorm.io import OutputError
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.render import Camera
@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(folder):
     made = demo(folder, methods=(METHOD,))
-    draw(made, folder)
+    draw_demo(made, folder)
     return made
 
 
@@ -46,7 +46,7 @@ def test_the_folder_holds_meshes_measures_and_pictures(done, folder):
     }
     assert kept == {BEFORE_AFTER, ERRORS} | results | {str(Path(name) / "clean.ply") for name in EXAMPLES}
     for pair in done.pairs:
-        noisy, _, clean = meshes_of(done, pair)
+        noisy, _, clean = example_meshes(done, pair)
         assert np.array_equal(clean.vertices, as_mesh(folder / pair.name / "clean.ply").vertices)
         assert np.array_equal(noisy.vertices, as_mesh(pair.noisy).vertices)
 
@@ -65,7 +65,7 @@ def test_a_second_run_replaces_its_own_files_with_force_alone_and_no_other(done,
     before = (folder / ERRORS).read_bytes()
     (folder / ERRORS).write_text("old")
     (folder / "part" / f"{METHOD}.ply").write_text("old")
-    draw(demo(folder, methods=(METHOD,), force=True), folder)
+    draw_demo(demo(folder, methods=(METHOD,), force=True), folder)
     assert (folder / "notes.txt").read_text() == "mine"
     assert (folder / ERRORS).read_bytes() == before
     (folder / "notes.txt").unlink()

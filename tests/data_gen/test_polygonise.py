@@ -9,8 +9,8 @@ from cascadenorm.data_gen.meshing.lattice import sample
 from cascadenorm.data_gen.meshing.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.meshing.remesh import SHORT, collapse_short, flip_edges, slide, split_long
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of, untangled
-from cascadenorm.data_gen.meshing.tessellation import Tessellation, creases_of, tessellate
-from cascadenorm.data_gen.scanning.views import view
+from cascadenorm.data_gen.meshing.tessellation import Tessellation, shape_creases, tessellate
+from cascadenorm.data_gen.scanning.views import scanned_view
 from cascadenorm.data_gen.shapes import fields, placement
 from cascadenorm.mesh import Mesh, unit
 
@@ -59,7 +59,7 @@ def test_dual_contouring_of_a_cube_has_six_flat_sides_and_straight_edges(jitter)
 def test_creases_of_a_tessellated_cube_are_its_twelve_edges():
     rng = np.random.default_rng(2)
     mesh = tessellate(CUBE, extent_of(CUBE, rng=rng), faces=3000, sharp=True, tessellation="even", rng=rng)
-    ends = mesh.vertices[mesh.topology.edges[creases_of(CUBE, mesh)]]
+    ends = mesh.vertices[mesh.topology.edges[shape_creases(CUBE, mesh)]]
     assert (np.isclose(np.abs(ends @ TURN), HALF, atol=1e-4).sum(axis=2) >= 2).mean() > 0.99
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(8 * HALF.sum(), rel=0.03)
 
@@ -146,7 +146,7 @@ def test_a_view_is_what_is_seen_from_one_side():
     ball = fields.sphere(radius=1)
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        mesh = view(ball, extent_of(ball, rng=rng), faces=4000, rng=rng)
+        mesh = scanned_view(ball, extent_of(ball, rng=rng), faces=4000, rng=rng)
         assert 0.6 * 4000 < len(mesh.faces) < 1.6 * 4000 and is_manifold(mesh)
         np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=2e-3)
         toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]

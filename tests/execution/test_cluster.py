@@ -106,14 +106,14 @@ def test_work_that_ends_every_worker_is_given_up(cluster):
 def test_workers_that_cannot_do_the_work_are_named(tmp_path, cluster, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pairs(tmp_path / "pairs", 1)
-    with pytest.raises(WorkerError, match=r"runs in .*, where relative names mean others: give absolute ones"):
+    with pytest.raises(WorkerError, match=r"runs in .*, so relative paths refer to other files there: use absolute"):
         evaluate("pairs", methods="taubin", scheduler=cluster[0])
     with pytest.raises(ParameterError, match="keep must be a folder that all workers see"):
         evaluate("pairs", methods="taubin", noise=0.1, scheduler=cluster[0])
     with pytest.raises(ParameterError, match=r"workers is 2; at .* all workers of the cluster work: leave it out"):
         evaluate("pairs", methods="taubin", workers=2, scheduler=cluster[0])
     monkeypatch.setattr(dask_cluster, "__version__", "0.0.1")
-    with pytest.raises(WorkerError, match=r"has cascadenorm .*, and here is 0\.0\.1"):
+    with pytest.raises(WorkerError, match=r"has cascadenorm .*, but this process has 0\.0\.1"):
         write_pairs(tmp_path / "out", count=1, seed=0, scheduler=cluster[0])
 
 

@@ -8,7 +8,7 @@ from test_io import read, written
 
 import cascadenorm as cn
 from cascadenorm.cli import run
-from cascadenorm.io.gltf.glb import GlbFile
+from cascadenorm.io.gltf.gltf import GlbFile
 
 COARSE = noisy(icosphere(3), 0.3)
 

@@ -55,8 +55,8 @@ def test_the_command_line_has_an_option_for_every_control(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     assert run(["denoise", "--help"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert set(CONTROLS) - set(options.OPTIONS) == {"progress", "halo"}
-    for setting in options.OPTIONS.values():
+    assert set(CONTROLS) - set(options.CONTROL_OPTIONS) == {"progress", "halo"}
+    for setting in options.CONTROL_OPTIONS.values():
         assert re.search(rf"{setting.option}(?![\w-])", text), setting.name
         assert " ".join(setting.about.help.split()[:4]) in text
 
@@ -71,7 +71,7 @@ def test_the_tables_of_the_documentation_are_those_of_the_declaration(docs):
 def test_a_new_control_appears_wherever_controls_do(docs, monkeypatch, tmp_path):
     about = Control(help="Shine.", minimum=0, default=0.0, example=2, metavar="NUMBER")
     monkeypatch.setitem(CONTROLS, "glow", ControlSetting("glow", float, 0.0, about))
-    monkeypatch.setitem(options.OPTIONS, "glow", CONTROLS["glow"])
+    monkeypatch.setitem(options.CONTROL_OPTIONS, "glow", CONTROLS["glow"])
 
     @with_control_parameters
     def work(**controls):

@@ -33,8 +33,8 @@ def test_a_cell_has_a_widget_and_a_still_picture():
     data, _ = cn.view(ROUGH, SMOOTH)._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in data
     still = picture_of(b64decode(data["image/png"]))
-    assert still.shape[1] > 2 * notebook.PICTURE
-    left, right = still[:, : notebook.PICTURE], still[:, -notebook.PICTURE :]
+    assert still.shape[1] > 2 * notebook.VIEW_PICTURE
+    left, right = still[:, : notebook.VIEW_PICTURE], still[:, -notebook.VIEW_PICTURE :]
     spread = [np.abs(np.diff(half[100:300, 100:300], axis=1)).mean() for half in (left, right)]
     assert spread[0] > 2 * spread[1] > 0  # the noisy mesh is the one of many shades
 
@@ -92,7 +92,7 @@ def test_a_mesh_describes_itself_with_a_picture():
     html = ROUGH._repr_html_()
     assert "642 vertices, 1,280 faces" in html
     drawn = picture_of(b64decode(html.split("base64,")[1].split('"')[0]))
-    assert drawn.shape == (notebook.SMALL, notebook.SMALL, 3)
+    assert drawn.shape == (notebook.MESH_PICTURE, notebook.MESH_PICTURE, 3)
     assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 50
 
 

@@ -21,12 +21,12 @@ from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.reports import report_denoised
-from cascadenorm.reports.decimation import display
+from cascadenorm.reports.decimation import decimated
 from cascadenorm.reports.facts import command_line, python_call
 from cascadenorm.reports.given import Given, given
 from cascadenorm.reports.packing import in_steps, packed, packed_faces
 from cascadenorm.reports.places import places
-from cascadenorm.reports.scene import Comparison, scene
+from cascadenorm.reports.scene import Comparison, viewer_scene
 
 CLEAN = icosphere(3)
 ROUGH = noisy(CLEAN, 0.2)
@@ -93,9 +93,9 @@ def test_numbers_in_steps_are_off_by_half_a_step_and_none_is_cut_off():
 
 
 def test_small_meshes_are_shown_whole_and_large_ones_with_their_own_vertices():
-    whole = display(ROUGH, most=len(ROUGH.faces))
+    whole = decimated(ROUGH, most=len(ROUGH.faces))
     np.testing.assert_array_equal(whole.faces, ROUGH.faces)
-    fewer = display(ROUGH, most=500)
+    fewer = decimated(ROUGH, most=500)
     assert 250 < len(fewer.faces) <= 500
     drawn = Mesh(ROUGH.vertices[fewer.kept_vertices], fewer.faces)
     assert drawn.volume == pytest.approx(ROUGH.volume, rel=0.1)
@@ -164,7 +164,11 @@ def test_what_completes_a_scene_holds_what_the_scene_of_both_holds(place):
     result = cn.denoise(ROUGH, method="laplacian")
     before, after = given("before", ROUGH), given("after", result)
     comparison = Comparison(before)
-    first, rest, whole = comparison.first, comparison.with_result(after, result.vertices), scene([before, after], [])
+    first, rest, whole = (
+        comparison.first,
+        comparison.with_result(after, result.vertices),
+        viewer_scene([before, after], []),
+    )
     assert rest["completes"] and [mesh["name"] for mesh in rest["meshes"]] == ["after"]
     assert [field["name"] for field in rest["fields"]] == [field["name"] for field in whole["fields"]]
 
@@ -195,7 +199,7 @@ def test_what_has_no_room_has_coarser_values_and_then_fewer_faces(monkeypatch):
 
     def made(most):
         monkeypatch.setattr("cascadenorm.reports.scene.MOST_TEXT", most)
-        found = scene(shown, [])
+        found = viewer_scene(shown, [])
         arrays = re.findall(r'"data": "([^"]*)"', json.dumps(found))
         assert sum(map(len, arrays)) <= most
         angle = next(field for field in found["fields"] if field["name"] == "angle")["values"][0]
@@ -210,7 +214,7 @@ def test_what_has_no_room_has_coarser_values_and_then_fewer_faces(monkeypatch):
 
 def test_a_mesh_that_is_in_no_file_has_none_in_the_scene(place):
     named, unnamed = given("before", "rough.ply"), given("after", CLEAN)
-    assert [mesh["file"] for mesh in scene([named, unnamed], [])["meshes"]] == ["rough.ply", ""]
+    assert [mesh["file"] for mesh in viewer_scene([named, unnamed], [])["meshes"]] == ["rough.ply", ""]
 
 
 def test_a_lifted_plane_has_moved_along_its_normal_by_its_height():

@@ -29,7 +29,7 @@ SPIKE = np.radians(150)
 """Angle sum at a vertex, 360° in a plane, below which it is a spike; corresponds to a cone of half-angle 25°."""
 THIN = 0.01
 """Ratio of height to longest edge below which a face is a sliver."""
-FOLDED = -1e-6
+FOLDED_COSINE = -1e-6
 """Cosine of the angle between the normals of adjacent faces below which an edge is folded: 90° except for rounding."""
 
 
@@ -74,7 +74,7 @@ def folded_edges(mesh: Mesh) -> Mask:
     one, other = topology.face_pairs.T
     cosines = np.einsum("ij,ij->i", mesh.face_normals[one], mesh.face_normals[other])
     cosines[flipped_edges(topology)[topology.interior_edges]] *= -1
-    return np.asarray(cosines < FOLDED)
+    return np.asarray(cosines < FOLDED_COSINE)
 
 
 def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:

@@ -6,23 +6,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
-from cascadenorm.api.regions.coincidence import coincident_vertices, join_meshes
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, limit_threads
+from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, connected_components, limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
+
+COINCIDENCE_TOLERANCE = 2.0**-20  # share of the largest coordinate, more than single precision and six digits round
+MAX_TOLERANCE_EDGES = 0.01  # upper limit of the tolerance in mean edge lengths, for meshes with large coordinates
 
 
 @with_control_parameters
@@ -162,20 +165,20 @@ def _denoise_group(method: Method, regions: Sequence[Region], first: Ints, param
         return [Moved(moved, removed)]
 
     # Join the regions into one mesh of the coarsest type, so that every region can hold the result
-    whole = join_meshes([region.mesh for region in regions], first)
-    over = weld_controls(_concatenated(regions), whole.vertices.astype(np.int32))
+    whole, vertices = join_meshes([region.mesh for region in regions], first)
+    over = weld_controls(_concatenated(regions), vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
-    moved = run_with_controls(method, whole.mesh, parameters, over, dtype=coarsest, removed=removed)
+    moved = run_with_controls(method, whole, parameters, over, dtype=coarsest, removed=removed)
 
     # Distribute the vertices to the regions; unmoved vertices keep their own bits
-    still = (moved == whole.mesh.vertices.astype(coarsest)).all(axis=1)
+    still = (moved == whole.vertices.astype(coarsest)).all(axis=1)
     ends = np.cumsum([len(region.mesh.vertices) for region in regions])[:-1]
     return [
         Moved(
             np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype),
             [removed[0][rows]] if removed else [],
         )
-        for region, rows in zip(regions, np.split(whole.vertices, ends), strict=True)
+        for region, rows in zip(regions, np.split(vertices, ends), strict=True)
     ]
 
 
@@ -200,3 +203,40 @@ def _as_mask(given: Any, count: int) -> Bools:
     chosen = np.zeros(count, bool)
     chosen[np.asarray(given)] = True
     return chosen
+
+
+def coincident_vertices(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
+    """Find the vertices of different meshes that coincide within rounding.
+
+    Vertices of the same mesh are joined only if both coincide with a vertex of another mesh. Returns the (k,) first
+    coincident vertex of each vertex, one mesh after the other; and the group of each mesh, where meshes with coincident
+    vertices belong to the same group.
+    """
+    # Pairs of used vertices of different meshes within the tolerance
+    counts = [len(mesh.vertices) for mesh in meshes]
+    positions = np.concatenate([mesh.vertices for mesh in meshes])
+    owner = np.repeat(np.arange(len(meshes)), counts)
+    used = np.flatnonzero(np.concatenate([mesh.topology.used_vertices for mesh in meshes]))
+    size = float(np.abs(positions[used]).max())
+    tolerance = min(COINCIDENCE_TOLERANCE * size, MAX_TOLERANCE_EDGES * min(mesh.mean_edge_length for mesh in meshes))
+    pairs = used[scipy.spatial.cKDTree(positions[used]).query_pairs(tolerance, output_type="ndarray")]
+    pairs = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]]
+
+    # The first vertex of each connected set of pairs, and the connected meshes
+    part = connected_components(pairs, len(positions))
+    _, first, which = np.unique(part, return_index=True, return_inverse=True)
+    return first[which.reshape(-1)].astype(np.int64), connected_components(owner[pairs], len(meshes)).astype(np.int64)
+
+
+def join_meshes(meshes: Sequence[Mesh], first: Ints) -> tuple[Mesh, Ints]:
+    """Join meshes at the (k,) first coincident vertices that `coincident_vertices` returns.
+
+    The result has the faces of all meshes in order; coincident vertices occur once, at the position of the first.
+    Returns as well its (k,) vertex for each vertex of the meshes, one mesh after the other.
+    """
+    kept = first == np.arange(len(first))
+    vertices = (np.cumsum(kept) - 1)[first]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [vertices[start + mesh.faces] for start, mesh in zip(starts, meshes, strict=False)]
+    positions = np.concatenate([mesh.vertices for mesh in meshes])
+    return Mesh(positions[kept], np.concatenate(faces)), vertices

@@ -11,7 +11,7 @@ from cascadenorm.geometry.volume import Parts, closed_parts, volumes
 from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, scatter_add, unit
 
 JUNCTION_SPREAD = 100.0  # disables the range weight along junction curves, where voxel steps look like corners
-DIRECTION_PASSES, VERTEX_PASSES = 2, 60
+JUNCTION_DIRECTION_PASSES, JUNCTION_VERTEX_PASSES = 2, 60
 VOLUME_STEPS = 10  # of Newton's method, which converges in about three
 VOLUME_TOLERANCE = 1e-12  # relative to the largest volume
 
@@ -45,8 +45,8 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
         fitted.vertices,
         BoundaryEdges.of(shells.junctions),
         spread=JUNCTION_SPREAD,
-        passes=DIRECTION_PASSES,
-        vertex_passes=VERTEX_PASSES,
+        passes=JUNCTION_DIRECTION_PASSES,
+        vertex_passes=JUNCTION_VERTEX_PASSES,
     )
     smooth = fitted.moved(np.where((at & moved)[:, None], curves, fitted.vertices))
     fitted = _fitted(smooth, normals, near & moved & ~at)

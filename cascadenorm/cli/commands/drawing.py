@@ -3,7 +3,7 @@
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Literal, cast
 
 import typer
 
@@ -48,7 +48,7 @@ def demo(
         done = demonstration.demo(folder, force=force, progress=progress)
     tables.print_evaluation(done)
     print(SYMBOLS)
-    demonstration.draw(done, folder)
+    demonstration.draw_demo(done, folder)
     print(f"the meshes and pictures are in {folder}; start with {folder / demonstration.BEFORE_AFTER}")
 
 
@@ -79,7 +79,7 @@ def render(
             "surface and a three-quarter view of others.",
         ),
     ] = None,
-    up: Annotated[str, typer.Option(metavar="x|y|z", help="Up axis of the meshes.")] = "y",
+    up: Annotated[Literal["x", "y", "z"], typer.Option(metavar="x|y|z", help="Up axis of the meshes.")] = "y",
     target: Annotated[
         str | None,
         typer.Option(metavar="X,Y,Z", help="Point in the centre of the picture. By default, the centre of the mesh."),
@@ -129,11 +129,10 @@ def render(
 
     if output is None and turntable is None:
         raise typer.BadParameter("there is nothing to write: give --output or --turntable")
-    axis = pictures.upward(up)
     style = Style(
         size=size,
-        direction=pictures.view_direction(view, up=axis),
-        up=axis,
+        direction=pictures.view_direction(view, up=up),
+        up=up,
         target=pictures.numbers("--target", target, 3),
         distance=distance,
         values=values,

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -63,7 +63,7 @@ def spectrum(
         int, typer.Option("-n", "--count", min=1, help="Number of eigenvalues, the lowest of which is 0.")
     ] = 50,
     scale: Annotated[
-        str,
+        Literal["area", "keep"],
         typer.Option(
             metavar="area|keep",
             help="With area, the eigenvalues are multiplied by the surface area and so do not depend on the scale of "
@@ -76,10 +76,8 @@ def spectrum(
     from cascadenorm.api import spectra
     from cascadenorm.cli import json_output, tables
 
-    if scale not in ("area", "keep"):
-        raise typer.BadParameter(f"--scale is {scale!r}; it must be area or keep")
     first, second = (sys.stdin.buffer if name == "-" else name for name in (mesh, other))
-    found = spectra.spectrum(first, second, count=count, scale=cast(Literal["area", "keep"], scale))
+    found = spectra.spectrum(first, second, count=count, scale=scale)
     if as_json:
         about = {"mesh": mesh, "other": other, "scale": found.scale, "distance": found.distance}
         values = [None if one is None else one.tolist() for one in (found.values, found.other)]
@@ -112,7 +110,9 @@ def evaluate(
             "--from", metavar="DIR", help="Your copy of the public set, which is a clone or an unpacked archive."
         ),
     ] = None,
-    split: Annotated[str, typer.Option(metavar="test|train", help="Published split of the public set.")] = "test",
+    split: Annotated[
+        Literal["test", "train"], typer.Option(metavar="test|train", help="Published split of the public set.")
+    ] = "test",
     noise: Annotated[
         float | None,
         typer.Option(
@@ -246,7 +246,7 @@ def _write_tables(
             write_atomically(target, [text.encode()], force=force)
 
 
-def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[FilePair]":
+def _public_pairs(dataset: str | None, copy: Path | None, split: Literal["test", "train"]) -> "list[FilePair]":
     """Return the pairs of a public set, if one is requested; without a copy, report where to get one."""
     from cascadenorm.evaluation.public_sets import public_pairs, public_set
 
@@ -258,7 +258,7 @@ def _public_pairs(dataset: str | None, copy: Path | None, split: str) -> "list[F
         raise typer.BadParameter(
             f"--dataset {dataset} needs --from DIR, your copy of the set; to get one: {public_set(dataset).place}"
         )
-    return public_pairs(dataset, copy, split=cast(Literal["train", "test"], split))
+    return public_pairs(dataset, copy, split=split)
 
 
 @app.command()

@@ -12,21 +12,21 @@ from cascadenorm.api.api import denoise
 from cascadenorm.api.inspection import inspect
 from cascadenorm.api.inspection.findings import FINDINGS
 from cascadenorm.errors import CascadenormError, counted
-from cascadenorm.execution.progress import Listener, report_to
-from cascadenorm.frontends.blender.properties import chosen, declarations, identifier, label, parameters_of
+from cascadenorm.execution.progress import Cancelled, Listener, report_to
+from cascadenorm.frontends.blender.properties import declarations, denoise_arguments, identifier, label, parameters_of
 from cascadenorm.frontends.blender.surfaces import (
     Surface,
     copy_of,
     creases_of,
     mask_of,
     surface_of,
-    write,
+    write_positions,
     write_shape_key,
 )
-from cascadenorm.frontends.jobs import Cancelled, Job
+from cascadenorm.frontends.jobs import BackgroundJob
 from cascadenorm.registry.controls import CONTROLS
 
-WIDTH = 42
+PANEL_WIDTH = 42
 """Characters of a line of text in the panel."""
 
 
@@ -48,7 +48,7 @@ class DenoisePanel(bpy.types.Panel):
         settings, layout = context.object.cascadenorm, self.layout
         layout.operator("cascadenorm.inspect", icon="VIEWZOOM")
         for line in settings.found.splitlines():
-            for part in wrap(line, WIDTH):
+            for part in wrap(line, PANEL_WIDTH):
                 layout.label(text=part)
         layout.operator("cascadenorm.denoise", icon="MOD_SMOOTH")
         if settings.source:
@@ -78,7 +78,7 @@ def draw_settings(layout: Any, settings: Any, object: Any) -> None:
             layout.prop(settings, name)
 
 
-Work = Callable[[Listener], Any]
+BackgroundWork = Callable[[Listener], Any]
 
 TICK = 0.1
 """Seconds between two polls of the work."""
@@ -108,7 +108,7 @@ class Working(bpy.types.Operator):
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Start the work in a thread."""
         try:
-            self._job = Job(self.prepare(context))
+            self._job = BackgroundJob(self.prepare(context))
         except CascadenormError as error:
             self.report({"ERROR"}, error.message(label))
             return {"CANCELLED"}
@@ -142,7 +142,7 @@ class Working(bpy.types.Operator):
             return {"CANCELLED"}
         return {"FINISHED"}
 
-    def prepare(self, context: Any) -> Work:
+    def prepare(self, context: Any) -> BackgroundWork:
         """Read what the work needs from Blender, and return the work."""
         raise NotImplementedError
 
@@ -168,11 +168,11 @@ class Denoise(Working):
     def draw(self, context: Any) -> None:
         draw_settings(self.layout, self.properties, context.object)
 
-    def prepare(self, context: Any) -> Work:
+    def prepare(self, context: Any) -> BackgroundWork:
         self._objects, given = targets(context), self.properties
         surfaces = [surface_of(object) for object in self._objects]
         settings = [
-            {**chosen(given), "mask": mask_of(object, given), "creases": creases_of(object, given)}
+            {**denoise_arguments(given), "mask": mask_of(object, given), "creases": creases_of(object, given)}
             for object in self._objects
         ]
 
@@ -206,7 +206,7 @@ class Denoise(Working):
         if self.properties.result == "SHAPE_KEY":
             write_shape_key(object, positions)
         else:
-            write(object, positions)
+            write_positions(object, positions)
 
 
 class Inspect(Working):
@@ -215,7 +215,7 @@ class Inspect(Working):
     bl_idname = "cascadenorm.inspect"
     bl_label = "Inspect"
 
-    def prepare(self, context: Any) -> Work:
+    def prepare(self, context: Any) -> BackgroundWork:
         self._object = context.object
         surface = surface_of(self._object)
 

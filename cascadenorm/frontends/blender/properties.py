@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from cascadenorm.api.api import DEFAULT_METHOD, methods
-from cascadenorm.frontends.properties import Property, properties, settings_of
+from cascadenorm.frontends.properties import FilterProperty, properties, settings_of
 from cascadenorm.registry.controls import CONTROLS
 
 RESULTS = [
@@ -51,7 +51,7 @@ def declarations(**options: Any) -> dict[str, Any]:
     }
 
 
-def identifier(property: Property) -> str:
+def identifier(property: FilterProperty) -> str:
     """Return the name of a property in scripts, such as keep_detail or taubin_iterations."""
     return "_".join(filter(None, [property.method.replace("-", "_"), property.setting.name]))
 
@@ -64,11 +64,11 @@ def label(name: str, value: object = None) -> str:
     return text if value is None else f"{text} = {value}"
 
 
-def parameters_of(method: str) -> list[Property]:
+def parameters_of(method: str) -> list[FilterProperty]:
     return [property for property in _generic() if property.method == method]
 
 
-def chosen(settings: Any) -> dict[str, Any]:
+def denoise_arguments(settings: Any) -> dict[str, Any]:
     """Return settings as arguments of `denoise`, except mask and creases. Raises ParameterError for invalid ones."""
     values = {}
     for property in _generic():
@@ -78,13 +78,13 @@ def chosen(settings: Any) -> dict[str, Any]:
     return {"method": settings.method, **settings_of(values, settings.method)}
 
 
-def _generic() -> Iterator[Property]:
+def _generic() -> Iterator[FilterProperty]:
     """Yield all properties except arrays, for which Blender uses vertex groups and edge marks."""
     arrays = {name for name, control in CONTROLS.items() if control.about.arrays}
     return (property for property in properties() if property.method or property.setting.name not in arrays)
 
 
-def _declared(property: Property, options: dict[str, Any]) -> Any:
+def _declared(property: FilterProperty, options: dict[str, Any]) -> Any:
     """Declare a number with its range, a choice, a path or text, which is empty if the default is None."""
     setting = property.setting
     about = {"name": label(setting.name), "description": property.help.removesuffix("."), **options}
@@ -99,7 +99,7 @@ def _declared(property: Property, options: dict[str, Any]) -> Any:
     return bpy.props.StringProperty(**about, **kind)
 
 
-def _range(property: Property) -> dict[str, Any]:
+def _range(property: FilterProperty) -> dict[str, Any]:
     about, kind = property.setting.about, property.setting.kinds[0]
     lower = about.above if about.minimum is None else about.minimum
     upper = about.below if about.maximum is None else about.maximum
@@ -107,7 +107,7 @@ def _range(property: Property) -> dict[str, Any]:
     return {name: kind(limit) for name, limit in limits.items() if limit is not None and np.isfinite(limit)}
 
 
-def _value(property: Property, value: Any) -> Any:
+def _value(property: FilterProperty, value: Any) -> Any:
     """Convert a Blender value to the type of its setting; a float32 is read as its shortest decimal."""
     setting = property.setting
     if isinstance(value, float):

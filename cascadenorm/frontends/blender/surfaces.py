@@ -81,7 +81,7 @@ def creases_of(object: Any, settings: Any) -> float | NDArray[np.int32] | None:
     return _array(mesh.edges, "vertices", np.int32, 2)[marked & of_faces]
 
 
-def write(object: Any, positions: NDArray[np.float32]) -> None:
+def write_positions(object: Any, positions: NDArray[np.float32]) -> None:
     """Move the vertices of an object in Object mode, or its active shape key and those relative to it."""
     mesh, key = object.data, object.active_shape_key
     if key is not None:

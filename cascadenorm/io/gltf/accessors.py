@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.gltf.buffers import Buffers
-from cascadenorm.io.gltf.entries import entry, with_keys
+from cascadenorm.io.gltf.buffers import Buffers, entry, with_keys
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh import box_of
 

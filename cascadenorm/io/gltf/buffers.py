@@ -1,4 +1,4 @@
-"""The buffers of a glTF document: a chunk of a GLB file, text in the JSON, or separate files."""
+"""The entries of a glTF document, and its buffers: a chunk of a GLB file, text in the JSON, or separate files."""
 
 import base64
 import binascii
@@ -118,3 +118,21 @@ def _embedded(uri: str, number: int) -> bytes:
         return base64.b64decode(text + "=" * (-len(text) % 4), validate=True)
     except (binascii.Error, ValueError) as error:
         raise ReadError(f"buffer {number} is embedded in invalid base64 ({error}): get a complete copy") from None
+
+
+def entry(document: dict[str, Any], name: str, number: Any, *keys: str) -> dict[str, Any]:
+    """Return an entry of a list of a document. Raises ReadError if it does not exist or lacks one of the keys."""
+    parts = document.get(name, [])
+    if not isinstance(number, int) or not 0 <= number < len(parts):
+        raise ReadError(f"the glTF document refers to {name}[{number!r}], which does not exist: export the file again")
+    return with_keys(parts[number], f"{name}[{number}]", *keys)
+
+
+def with_keys(part: Any, place: str, *keys: str) -> dict[str, Any]:
+    """Return an object of a document, at a place such as accessors[0]. Raises ReadError if it lacks one of the keys."""
+    if not isinstance(part, dict):
+        raise ReadError(f"{place} in the glTF document is not an object: export the file again")
+    missing = [key for key in keys if key not in part]
+    if missing:
+        raise ReadError(f"{place} in the glTF document has no {missing[0]!r}: export the file again")
+    return part

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.content import CHANNELS, Content, Look, channels
 from cascadenorm.io.gltf.accessors import Accessors, NewAccessors, Primitive
-from cascadenorm.io.shown import LARGEST, Matrix, Shown, joined
+from cascadenorm.io.shown import LARGEST_ENTRY, Matrix, Shown, joined
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
@@ -24,7 +24,7 @@ def parsed(data: bytes) -> Any:
     return json.loads(data.decode("utf-8", "surrogateescape").removeprefix("\ufeff"))
 
 
-def encoded(document: dict[str, Any]) -> bytes:
+def json_bytes(document: dict[str, Any]) -> bytes:
     """Return the text of a document. Non-ASCII characters are escaped, so that any text can be written."""
     return json.dumps(document, separators=(",", ":")).encode()
 
@@ -73,7 +73,7 @@ def document_of(content: Content) -> tuple[dict[str, Any], bytes, list[str]]:
     return document, bytes(added.data), content.lost_as_triangles((*colors, *look.names))
 
 
-def content_of(
+def document_content(
     document: dict[str, Any],
     accessors: Accessors,
     shapes: list[Primitive],
@@ -144,7 +144,7 @@ def _instances(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
         node = nodes[number]
         with np.errstate(all="ignore"):
             matrix = outer @ _matrix(node)
-        if not (np.abs(matrix) < LARGEST).all():
+        if not (np.abs(matrix) < LARGEST_ENTRY).all():
             raise ReadError(f"the transform of node {number} is not finite: export the file again")
         if "mesh" in node:
             found.append((node["mesh"], np.eye(4) if "skin" in node else matrix))  # a skin places its mesh

@@ -1,7 +1,8 @@
-"""glTF 2: replace positions and normals, as they are before the transforms of nodes, and keep everything else."""
+"""glTF 2, in JSON or GLB: replace positions and normals, as they are before the transforms of nodes; keep all else."""
 
 import copy
-from collections.abc import Iterable, Iterator
+import struct
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from itertools import chain, count
 from pathlib import Path
@@ -15,16 +16,17 @@ from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
-from cascadenorm.io.gltf.buffers import Buffers, embedded, relative_name
-from cascadenorm.io.gltf.document import check_lists, content_of, document_of, encoded, parsed
-from cascadenorm.io.gltf.entries import entry, with_keys
-from cascadenorm.io.gltf.patching import Patching
+from cascadenorm.io.gltf.buffers import Buffers, embedded, entry, relative_name, with_keys
+from cascadenorm.io.gltf.document import check_lists, document_content, document_of, json_bytes, parsed
+from cascadenorm.io.gltf.patching import PatchedDocument
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
+GLB_MAGIC = b"glTF"
+JSON, BIN = b"JSON", b"BIN\0"
 TRIANGLES, STRIP, FAN = 4, 5, 6
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 """Extensions that store compressed geometry. The file may also contain uncompressed positions, but moving only these
@@ -49,7 +51,7 @@ class GltfFile(MeshFile):
         """Return a container, in pieces, for a document and its first buffer if that has no content of its own."""
         if chunk is not None:
             document["buffers"][0]["uri"] = embedded(chunk)
-        return [encoded(document)]
+        return [json_bytes(document)]
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
         text, chunk = self._unpacked()
@@ -204,7 +206,7 @@ class GltfFile(MeshFile):
                 document["buffers"][number]["uri"] = quote(names[number], errors="surrogateescape")
             else:
                 document["buffers"][number]["uri"] = embedded(content, uri)
-        return self._packed(encoded(document), chunk), files
+        return self._packed(json_bytes(document), chunk), files
 
     def _with_new_bounds(self, data: bytearray) -> dict[str, Any]:
         """Return the document with the new bounds of positions and normals. Its buffers are copies."""
@@ -294,7 +296,7 @@ class GltfFile(MeshFile):
         rows = [self._rows(p) for p in self._primitives]
         arrays = self.positions, self.welds, stored
         with _explained():
-            made = Patching(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
+            made = PatchedDocument(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
         buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
         if inner:
             chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
@@ -304,12 +306,12 @@ class GltfFile(MeshFile):
         if made.untextured:
             what = counted(made.untextured, "patch", "patches")
             patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
-        text = encoded({**made.document, "buffers": buffers})
+        text = json_bytes({**made.document, "buffers": buffers})
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
 
     def _read_content(self) -> Content:
         with _explained():
-            return content_of(
+            return document_content(
                 self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
             )
 
@@ -318,6 +320,31 @@ class GltfFile(MeshFile):
         """Write content with the colours and texture coordinates of vertices."""
         document, buffer, lost = document_of(content)
         return cls._made(document, buffer), lost
+
+
+class GlbFile(GltfFile):
+    """A GLB file, which holds the JSON and the first buffer. Chunks of other types are kept."""
+
+    format = "glb"
+
+    def _unpacked(self) -> tuple[bytes, Piece | None]:
+        chunks = dict(reversed(list(_chunks(self.data))))  # the first of several chunks with one name counts
+        if JSON not in chunks:
+            raise ReadError("this GLB file has no JSON chunk: it is damaged; get a complete copy")
+        return bytes(chunks[JSON]), chunks.get(BIN)
+
+    def _packed(self, text: bytes, chunk: Piece | None) -> Iterable[Piece]:
+        replaced: dict[bytes, Piece] = {JSON: _padded(text, b" ")}
+        if chunk is not None:
+            replaced[BIN] = chunk
+        chunks = [(name, replaced.pop(name, old)) for name, old in _chunks(self.data)]  # the first of each name
+        (length,) = struct.unpack_from("<I", self.data, 8)
+        return [*_container(chunks), self.data[length:]]
+
+    @classmethod
+    def _made(cls, document: dict[str, Any], chunk: Piece | None) -> Iterable[Piece]:
+        inner = [] if chunk is None else [(BIN, _padded(chunk, b"\0"))]
+        return _container([(JSON, _padded(json_bytes(document), b" ")), *inner])
 
 
 def _declared_primitives(document: dict[str, Any]) -> Iterator[tuple[int, int, dict[str, Any]]]:
@@ -347,3 +374,31 @@ def _said(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "its objects are nested too deeply"
     return f"an entry has the wrong type or size ({error})" if isinstance(error, TypeError) else str(error)
+
+
+def _container(chunks: Sequence[tuple[bytes, Piece]]) -> list[Piece]:
+    """Return a GLB file of chunks by name, in pieces."""
+    body = [piece for name, chunk in chunks for piece in (struct.pack("<I4s", len(chunk), name), chunk)]
+    return [GLB_MAGIC + struct.pack("<II", 2, 12 + sum(map(len, body))), *body]
+
+
+def _padded(chunk: Piece, padding: bytes) -> bytes:
+    return b"".join([chunk, padding * (-len(chunk) % 4)])
+
+
+def _chunks(data: bytes) -> Iterable[tuple[bytes, memoryview]]:
+    """Yield the chunks of a GLB file by name. Raises ReadError if it is truncated or has another version."""
+    if data[:4] != GLB_MAGIC or len(data) < 20:
+        raise ReadError("this is not a GLB file: it does not begin with 'glTF', or ends within its header")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise ReadError(f"this GLB file has version {version}; only version 2 is supported: export it again")
+    if length > len(data):
+        raise ReadError(f"the GLB header declares {length} bytes, but the file has {len(data)}: it is truncated")
+    at = 12
+    while at + 8 <= length:
+        size, name = struct.unpack_from("<I4s", data, at)
+        if at + 8 + size > length:
+            raise ReadError(f"the chunk at byte {at} declares {size} bytes and runs past the end: the file is damaged")
+        yield name, memoryview(data)[at + 8 : at + 8 + size]
+        at += 8 + size

@@ -14,11 +14,11 @@ COPIED = ("JOINTS_", "WEIGHTS_", "TANGENT")
 """Attributes that are copied from the nearest vertex, since their means would not be valid."""
 
 
-Key = tuple[str, int, str]
+AttributeKey = tuple[str, int, str]
 """An attribute of a primitive: its name, the number of its morph target or -1, and how it is stored."""
 
 
-class Patching:
+class PatchedDocument:
     """The additions to a document for patches.
 
     `document` gets the primitives and materials of the patches, and `added` their accessors. The primitives of the file
@@ -80,7 +80,7 @@ class Patching:
                     part.seams.append(key[0])
         return part
 
-    def _attributes(self, number: int) -> dict[Key, int]:
+    def _attributes(self, number: int) -> dict[AttributeKey, int]:
         """Return the accessors of a primitive except positions and normals, and those of its morph targets."""
         place = self._places[number]
         primitive = self._document["meshes"][place.mesh]["primitives"][place.number]
@@ -94,9 +94,9 @@ class Patching:
         declared = self._document["accessors"][accessor]
         return f"{declared['componentType']} {declared['type']} {bool(declared.get('normalized'))}"
 
-    def _blended(self, parts: list["_Part"]) -> dict[Key, NDArray[np.float64]]:
+    def _blended(self, parts: list["_Part"]) -> dict[AttributeKey, NDArray[np.float64]]:
         """Return the values of additional vertices, (a, w), by attribute."""
-        known: dict[Key, NDArray[np.float64]] = {}
+        known: dict[AttributeKey, NDArray[np.float64]] = {}
         for part in parts:
             for key, values in part.values.items():
                 table = known.setdefault(key, np.zeros((self._count, values.shape[1])))
@@ -110,7 +110,7 @@ class Patching:
             found[key] = np.stack([fill(column) for column in table.T], axis=1)
         return found
 
-    def _primitive(self, part: "_Part", further: dict[Key, NDArray[np.float64]]) -> dict[str, Any]:
+    def _primitive(self, part: "_Part", further: dict[AttributeKey, NDArray[np.float64]]) -> dict[str, Any]:
         """Return the primitive of a patch, and add its accessors."""
         place = self._places[part.place]
         like = self._document["meshes"][place.mesh]["primitives"][place.number]
@@ -170,7 +170,7 @@ class _Part(NamedTuple):
     own: NDArray[np.int64]  # those of the file only
     corners: NDArray[np.int64]  # (b, 3) rows of `vertices`
     local: NDArray[np.int64]  # for each of `own` the vertex of the primitive; -1 if there is none
-    values: dict[Key, NDArray[Any]]  # values of `own`, by attribute
+    values: dict[AttributeKey, NDArray[Any]]  # values of `own`, by attribute
     seams: list[str]  # names of texture coordinates for which a vertex has several values, or none
 
 

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 from cascadenorm.errors import ReadError
 
-CODES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
-NAMES = dict(zip(CODES, ["char", "uchar", "short", "ushort", "int", "uint", "float", "double"], strict=True))
+TYPE_CODES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
+NAMES = dict(zip(TYPE_CODES, ["char", "uchar", "short", "ushort", "int", "uint", "float", "double"], strict=True))
 OTHERS = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"]
-TYPES = {**{name: code for code, name in NAMES.items()}, **dict(zip(OTHERS, CODES, strict=True))}
+PLY_TYPES = {**{name: code for code, name in NAMES.items()}, **dict(zip(OTHERS, TYPE_CODES, strict=True))}
 BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
-class Property(NamedTuple):
+class PlyProperty(NamedTuple):
     """A number, or a list preceded by its length. Types are numpy codes without byte order."""
 
     name: str
@@ -22,19 +22,19 @@ class Property(NamedTuple):
     place: tuple[int, int]  # span in the file of the word that names the type
 
 
-class Element(NamedTuple):
+class PlyElement(NamedTuple):
     """A table with a given number of rows."""
 
     name: str
     rows: int
-    properties: list[Property]
+    properties: list[PlyProperty]
 
 
 class Header(NamedTuple):
     """The parsed header; `byte_order` is empty for text, `length` is the offset of the body."""
 
     byte_order: str
-    elements: list[Element]
+    elements: list[PlyElement]
     length: int
 
 
@@ -46,7 +46,7 @@ def parse_header(data: bytes) -> Header:
     end = re.compile(rb"(?:\r\n|\n|\r)end_header[ \t]*(?:" + first[1] + rb"|\Z)").search(data)
     if end is None:
         raise ReadError("the PLY header has no line 'end_header': the file is truncated, or not a PLY file")
-    byte_order, elements = None, list[Element]()
+    byte_order, elements = None, list[PlyElement]()
     for line in re.finditer(rb"[^\r\n]+", data[first.end() : end.start()]):
         words = [(word[0].decode("latin-1"), word.span()) for word in re.finditer(rb"\S+", line[0])]
         match [word for word, _ in words]:
@@ -55,15 +55,15 @@ def parse_header(data: bytes) -> Header:
             case ["format", name, _] if name in BYTE_ORDERS:
                 byte_order = BYTE_ORDERS[name]
             case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 19:
-                elements.append(Element(name, int(count), []))
+                elements.append(PlyElement(name, int(count), []))
             case ["property", "list", count_kind, kind, name] if (
-                elements and kind in TYPES and TYPES.get(count_kind, "f")[0] in "iu"
+                elements and kind in PLY_TYPES and PLY_TYPES.get(count_kind, "f")[0] in "iu"
             ):
-                elements[-1].properties.append(Property(name, TYPES[kind], TYPES[count_kind], (0, 0)))
-            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1].properties.append(PlyProperty(name, PLY_TYPES[kind], PLY_TYPES[count_kind], (0, 0)))
+            case ["property", kind, name] if elements and kind in PLY_TYPES:
                 begin, stop = words[1][1]
                 at = first.end() + line.start()
-                elements[-1].properties.append(Property(name, TYPES[kind], None, (at + begin, at + stop)))
+                elements[-1].properties.append(PlyProperty(name, PLY_TYPES[kind], None, (at + begin, at + stop)))
             case _:
                 number = 1 + len(re.findall(rb"\r\n|\n|\r", data[: first.end() + line.start()]))
                 text = line[0][:60].decode("latin-1")

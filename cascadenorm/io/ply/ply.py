@@ -13,9 +13,18 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import CHANNELS, Content, Positions
 from cascadenorm.io.hole_patches import HolePatches
-from cascadenorm.io.ply.header import NAMES, Element, Property, parse_header
-from cascadenorm.io.ply.rows import binary_rows, face_rows, fields_of, joined_columns, text_rows
-from cascadenorm.io.ply.table import Body, PropertyColumn, PropertyKind, columns
+from cascadenorm.io.ply.header import NAMES, PlyElement, PlyProperty, parse_header
+from cascadenorm.io.ply.table import (
+    Body,
+    PropertyColumn,
+    PropertyKind,
+    binary_rows,
+    columns,
+    fields_of,
+    joined_columns,
+    list_rows,
+    text_rows,
+)
 from cascadenorm.io.text.number_format import replace_words
 from cascadenorm.io.text.text import Text, as_short
 from cascadenorm.io.text.tokenizer import splice
@@ -61,7 +70,7 @@ class PlyFile(MeshFile):
             raise wrong
         return self._positions(), self._polygons()
 
-    def _row_within_line(self, element: Element, found: list[PropertyColumn]) -> ReadError | None:
+    def _row_within_line(self, element: PlyElement, found: list[PropertyColumn]) -> ReadError | None:
         """Return an error about the line before the first row that does not start a line of the text, or None.
 
         Rows may have any layout. But if numbers are left over at the end of the file, that line has too many.
@@ -77,7 +86,7 @@ class PlyFile(MeshFile):
             return None
         return _too_long(text, int(np.searchsorted(text.first, begins[rows[0]], "right")) - 1, element)
 
-    def _long_line(self, element: Element, start: int) -> ReadError | None:
+    def _long_line(self, element: PlyElement, start: int) -> ReadError | None:
         """Return an error about the first line with more numbers than a row, or None if rows do not match lines."""
         if self._text is None:
             return None
@@ -93,7 +102,7 @@ class PlyFile(MeshFile):
                 return _too_long(text, line, element)
         return None
 
-    def _property(self, element: str, name: str) -> Property | None:
+    def _property(self, element: str, name: str) -> PlyProperty | None:
         found = [p for e in self.header.elements if e.name == element for p in e.properties if p.name == name]
         return found[0] if found else None
 
@@ -224,7 +233,7 @@ class PlyFile(MeshFile):
             last = end
         return PlyFile(b"".join([*parts, self.data[last:]]), self.folder)
 
-    def _patch_vertices(self, element: Element, patches: HolePatches) -> list[NDArray[Any]]:
+    def _patch_vertices(self, element: PlyElement, patches: HolePatches) -> list[NDArray[Any]]:
         """Return the values of additional vertices by property, (a, 1), or (a, 0) for a list."""
         own = dict(zip(XYZ, patches.positions.T, strict=True))
         normals = self._read("vertex", NORMAL)
@@ -241,7 +250,7 @@ class PlyFile(MeshFile):
             found.append(values)
         return found
 
-    def _patch_faces(self, element: Element, patches: HolePatches) -> list[NDArray[Any]]:
+    def _patch_faces(self, element: PlyElement, patches: HolePatches) -> list[NDArray[Any]]:
         """Return the values of additional faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
         count = len(patches.triangles)
         normals = self._read(element.name, NORMAL) if element.name == "face" else None
@@ -298,17 +307,17 @@ class PlyFile(MeshFile):
             *["end_header", ""],
         ]
         vertex_rows = joined_columns(list(vertex.values()))
-        return chain(["\n".join(lines).encode()], vertex_rows, face_rows(content.polygons, length, face)), []
+        return chain(["\n".join(lines).encode()], vertex_rows, list_rows(content.polygons, length, face)), []
 
 
-def _too_long(text: Text, line: int, element: Element) -> ReadError:
+def _too_long(text: Text, line: int, element: PlyElement) -> ReadError:
     return ReadError(
         f"line {text.line_number(text.starts[text.first[line]])} has {text.stop[line] - text.first[line]} values, more "
         f"than the header declares for a row of {element.name!r}: correct the header, or export the file again"
     )
 
 
-def _kind(p: Property, byte_order: str) -> PropertyKind:
+def _kind(p: PlyProperty, byte_order: str) -> PropertyKind:
     if not byte_order:
         number = np.dtype("<f8")
         return PropertyKind(number, None if p.count_kind is None else number)

@@ -1,17 +1,20 @@
-"""Locate the rows of one element of a PLY file without copying them.
+"""Locate the rows of the elements of a PLY file without copying them, and encode rows.
 
 A text body is first converted to numbers of eight bytes, so that the same code handles both formats.
 """
 
 import struct
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.ply.header import Element
-from cascadenorm.mesh.polygons import ranges
+from cascadenorm.io.ply.header import NAMES, PlyElement
+from cascadenorm.io.text.number_format import rows_of
+from cascadenorm.io.text.text import blocks
+from cascadenorm.mesh.polygons import Polygons, ranges
 
 Body = bytes | bytearray | memoryview
 
@@ -62,7 +65,7 @@ class PropertyColumn(NamedTuple):
         np.frombuffer(body, np.uint8)[cells] = raw
 
 
-def columns(body: Body, element: Element, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
+def columns(body: Body, element: PlyElement, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
     """Locate the properties, of these kinds, of all rows of an element that starts at a byte offset.
 
     The body is that of a binary file, or the numbers of a text body. Returns the columns, in the order of the
@@ -98,7 +101,7 @@ def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -
 
 
 def _walk(
-    body: Body, element: Element, start: int, kinds: list[PropertyKind], rows: int
+    body: Body, element: PlyElement, start: int, kinds: list[PropertyKind], rows: int
 ) -> tuple[list[PropertyColumn], int]:
     """Locate the first rows of an element one by one."""
     at, end = start, len(body)
@@ -133,3 +136,79 @@ def _joined(counts: list[int]) -> int | NDArray[np.int64]:
 def _code(kind: np.dtype[Any]) -> str:
     """Return the code of a type in the module struct."""
     return (">" if kind.str[0] == ">" else "<") + kind.char
+
+
+def binary_rows(element: PlyElement, values: list[NDArray[Any]], byte_order: str) -> bytes:
+    """Return additional binary rows of an element."""
+    lengths = [v.shape[1] for v in values]
+    kinds: list[Any] = []
+    for i, (p, length) in enumerate(zip(element.properties, lengths, strict=True)):
+        kinds += [(f"length {i}", byte_order + p.count_kind)] if p.count_kind else []
+        kinds += [(f"values {i}", byte_order + p.kind, (length,))]
+    rows = np.zeros(len(values[0]), kinds)
+    for i, (p, value) in enumerate(zip(element.properties, values, strict=True)):
+        rows[f"values {i}"] = value
+        if p.count_kind:
+            rows[f"length {i}"] = lengths[i]
+    return rows.tobytes()
+
+
+def text_rows(element: PlyElement, values: list[NDArray[Any]]) -> list[bytes]:
+    """Return additional text rows of an element, one line each."""
+    words: list[list[bytes]] = []
+    for p, value in zip(element.properties, values, strict=True):
+        words += [rows_of(np.full((len(value), 1), value.shape[1]))] if p.count_kind else []
+        kind = np.dtype("i8" if p.kind[0] != "f" else p.kind if value.dtype != np.float64 else "f8")
+        words += [rows_of(column[:, None]) for column in value.astype(kind).T]
+    return [b" ".join(row) for row in zip(*words, strict=True)]
+
+
+def fields_of(values: Any) -> dict[str, NDArray[Any]]:
+    """Return little-endian arrays of types that PLY supports, under names without spaces."""
+    fields = {}
+    for name, value in values.items():
+        kind = value.dtype.str[1:] if value.dtype.str[1:] in NAMES else "f8"
+        fields["_".join(name.split())] = value.astype("<" + kind, copy=False)
+    return fields
+
+
+def joined_columns(columns: list[NDArray[Any]]) -> Iterator[memoryview]:
+    """Put columns, (rows,) or (rows, values) each, side by side. Yields the bytes of the table block by block."""
+    return (_beside([column[block] for column in columns]).data for block in blocks(len(columns[0]), len(columns)))
+
+
+def _beside(columns: list[NDArray[Any]]) -> NDArray[np.uint8]:
+    """Put columns side by side. Returns bytes, one table row per row."""
+    rows = np.empty(len(columns[0]), [(f"{i}", column.dtype, column.shape[1:]) for i, column in enumerate(columns)])
+    for i, column in enumerate(columns):
+        rows[f"{i}"] = column
+    return rows.view(np.uint8).reshape(len(rows), rows.itemsize)
+
+
+def list_rows(polygons: Polygons, length: str, fields: dict[str, NDArray[Any]]) -> Iterator[memoryview]:
+    """Yield the bytes of the rows of the element `face`, block by block."""
+    for block in blocks(len(polygons), 4 + len(fields)):
+        yield _face_rows(polygons.part(block), length, [values[block] for values in fields.values()]).data
+
+
+def _face_rows(polygons: Polygons, length: str, values: list[NDArray[Any]]) -> NDArray[np.uint8]:
+    """Return the bytes of some rows. Rows with equal numbers of corners are encoded together."""
+    counts = polygons.counts
+    if (counts == counts[0]).all():
+        corners = polygons.corners.reshape(len(counts), -1)
+        return _beside([counts.astype(length), _as_units(corners), *values])
+    sizes = np.dtype(length).itemsize + 4 * counts + sum(v.dtype.itemsize for v in values)
+    starts = np.cumsum(sizes) - sizes
+    out = np.empty(int(sizes.sum()), np.uint8)
+    for count in np.unique(counts).tolist():
+        chosen = np.flatnonzero(counts == count)
+        corners = polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
+        raw = _beside([counts[chosen].astype(length), _as_units(corners), *(v[chosen] for v in values)])
+        out[starts[chosen, None] + np.arange(raw.shape[1])] = raw
+    return out
+
+
+def _as_units(corners: NDArray[np.int64]) -> NDArray[Any]:
+    """Return the int32 corners of each row as a single value."""
+    small = corners.astype("<i4")
+    return small.view(f"V{4 * corners.shape[1]}")[:, 0] if corners.size else small

@@ -13,7 +13,7 @@ from cascadenorm.mesh import parallel_for
 
 NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libraries format it
 WORDS_AT_A_TIME = 1 << 18  # words processed at a time
-SHORT = 9  # significant digits up to which single precision restores a number
+SINGLE_DIGITS = 9  # significant digits up to which single precision restores a number
 SPACE = 32  # white space is at most this byte and follows each word except the last
 
 
@@ -129,7 +129,7 @@ def as_short(values: NDArray[Any], digits: int) -> NDArray[Any]:
     """Return numbers with at most so many significant digits in single precision if that restores them."""
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
-    return values if digits > SHORT or (np.isinf(single) & np.isfinite(values)).any() else single
+    return values if digits > SINGLE_DIGITS or (np.isinf(single) & np.isfinite(values)).any() else single
 
 
 def _shown(word: bytes) -> str:

@@ -10,7 +10,7 @@ from cascadenorm.mesh import Bools, Bytes, Floats, Ints, kernel
 
 Offsets = NDArray[np.signedinteger[Any]]
 
-MOST = 9 * 10**17
+LARGEST_MANTISSA = 9 * 10**17
 """Decimals with a larger mantissa are parsed by Python. Ten times this number plus a digit still fits into 64 bits."""
 SPLIT = 2.0**27 + 1  # factor that splits a double into halves of 26 bits
 POWERS = np.array([10.0**e for e in range(23)])  # exact powers, so that one product or quotient rounds correctly
@@ -101,10 +101,10 @@ def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets,
                 mantissa = 10 * mantissa + int(data[i]) - 48
                 digits += 1
                 exponent -= seen_point
-                if mantissa >= MOST:
+                if mantissa >= LARGEST_MANTISSA:
                     break
             i += 1
-        if digits == 0 or mantissa >= MOST:
+        if digits == 0 or mantissa >= LARGEST_MANTISSA:
             continue
 
         # Parse the exponent, if there is one.
@@ -136,7 +136,7 @@ def decimals(start: int, stop: int, data: Bytes, starts: Offsets, ends: Offsets,
 
 @kernel
 def _quotient(whole: int, power: float) -> float:
-    """Divide an integer below MOST by an exact power of ten (Dekker 1971); nan if rounding is not certain."""
+    """Divide an integer below LARGEST_MANTISSA by an exact power of ten (Dekker 1971); nan if rounding is uncertain."""
     high = float(whole)
     low = float(whole - int(high))
     first = high / power

@@ -20,10 +20,10 @@ CRATE = b"PXR-USDC"
 """First bytes of a binary layer."""
 TEXT = b"#usda"
 """First bytes of a text layer."""
-EXTENSIONS = (".usd", ".usda", ".usdc")
+LAYER_EXTENSIONS = (".usd", ".usda", ".usdc")
 ENTRY = Struct("<16sQQ")
 """An entry in the table of contents of a binary layer: name, begin, size."""
-COUNTED = (b"TOKENS", b"STRINGS", b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
+COUNTED_SECTIONS = (b"TOKENS", b"STRINGS", b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
 """Sections of a binary layer that begin with the number of their entries."""
 MOST_PER_BYTE = 1024
 """Upper limit of entries per byte of a section: LZ4 expands up to 255 times, and an integer takes at least 2 bits."""
@@ -38,7 +38,7 @@ Layers = dict[str, Any]
 """Layers by their names in an archive. The first is the root."""
 
 
-def unpacked(data: bytes, format: str) -> dict[str, bytes]:
+def files_within(data: bytes, format: str) -> dict[str, bytes]:
     """Return the files in a USD file by name. Raises ReadError for a damaged archive."""
     if format != "usdz":
         return {SINGLE: data}
@@ -56,7 +56,7 @@ def opened(files: Mapping[str, bytes]) -> Layers:
     layers: Layers = {}
     with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for number, (name, data) in enumerate(files.items()):
-            if not name.lower().endswith(EXTENSIONS):
+            if not name.lower().endswith(LAYER_EXTENSIONS):
                 continue
             if not data.startswith((CRATE, TEXT)):
                 raise ReadError("the file is not USD: it begins neither with '#usda' nor with 'PXR-USDC'")
@@ -84,7 +84,7 @@ def copied(layer: Any) -> Any:
     return copy
 
 
-def written(layer: Any, *, binary: bool) -> bytes:
+def layer_bytes(layer: Any, *, binary: bool) -> bytes:
     """Return the bytes of a layer."""
     with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / ("layer.usdc" if binary else "layer.usda")
@@ -93,7 +93,7 @@ def written(layer: Any, *, binary: bool) -> bytes:
             return path.read_bytes()
 
 
-def packed(files: Mapping[str, bytes]) -> bytes:
+def usdz_archive(files: Mapping[str, bytes]) -> bytes:
     """Return an archive of files, uncompressed and aligned as USDZ requires."""
     from pxr import Sdf
 
@@ -205,7 +205,7 @@ def _check_sections(data: bytes) -> None:
         raise ReadError("the file is truncated or damaged: a section of it runs past its end")
     for name, begin, size in sections:
         entries = int.from_bytes(data[begin : begin + 8], "little")
-        if name.rstrip(b"\0") in COUNTED and entries > MOST_PER_BYTE * size:
+        if name.rstrip(b"\0") in COUNTED_SECTIONS and entries > MOST_PER_BYTE * size:
             raise ReadError("the file is damaged: a section of it declares more entries than it can hold")
 
 

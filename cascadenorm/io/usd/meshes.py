@@ -11,7 +11,7 @@ from cascadenorm.io.shown import reversed_polygons
 from cascadenorm.io.usd.layers import Layers
 from cascadenorm.mesh.polygons import Polygons
 
-NORMALS = ("primvars:normals", "normals")
+USD_NORMALS = ("primvars:normals", "normals")
 """Names of attributes with the normals of a mesh."""
 
 
@@ -71,7 +71,7 @@ def value(prim: Any, name: str) -> Any:
         return None
 
 
-def put(prim: Any, name: str, values: NDArray[Any]) -> None:
+def set_value(prim: Any, name: str, values: NDArray[Any]) -> None:
     """Replace the value of an attribute that has one."""
     attribute = prim.attributes[name]
     times = prim.layer.ListTimeSamplesForPath(attribute.path)

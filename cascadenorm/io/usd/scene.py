@@ -12,7 +12,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, Values, joined, values_of_vertices
+from cascadenorm.io.shown import NamedValues, Shown, joined, values_of_vertices
 from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outside
 from cascadenorm.io.usd.meshes import oriented_polygons
 from cascadenorm.mesh.polygons import Polygons
@@ -30,7 +30,7 @@ PRIM = 1000
 """Approximate memory in bytes of a composed prim."""
 
 
-def content_of(layers: Layers, size: int) -> Content:
+def scene_content(layers: Layers, size: int) -> Content:
     """Return the meshes that a scene shows, whose root is the first layer, reading nothing else; `size` is in bytes."""
     from pxr import Usd
 
@@ -88,7 +88,9 @@ def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
     return Shown(points, polygons, vertex_values, face_values).placed(matrix.T)
 
 
-def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArray[np.int64]) -> tuple[Values, Values]:
+def _values(
+    mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArray[np.int64]
+) -> tuple[NamedValues, NamedValues]:
     """Return the values of vertices and faces: colours, texture coordinates, and numbers."""
     from pxr import UsdGeom
 
@@ -111,7 +113,7 @@ def _values(mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArra
     return vertex_values, face_values
 
 
-def _columns(name: str, values: NDArray[Any]) -> Values:
+def _columns(name: str, values: NDArray[Any]) -> NamedValues:
     """Return values under the names that PLY uses, or nothing for unsupported vectors."""
     if values.ndim == 1:
         return {name: values}

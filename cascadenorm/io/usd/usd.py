@@ -16,17 +16,17 @@ from cascadenorm.io.usd.layers import (
     TEXT,
     Layers,
     copied,
+    files_within,
+    layer_bytes,
     layers_named_by,
     opened,
-    packed,
     quiet,
     references,
     said,
-    unpacked,
-    written,
+    usdz_archive,
 )
-from cascadenorm.io.usd.meshes import NORMALS, meshes_of, normal_rows, put, value
-from cascadenorm.io.usd.scene import content_of, stage_of
+from cascadenorm.io.usd.meshes import USD_NORMALS, meshes_of, normal_rows, set_value, value
+from cascadenorm.io.usd.scene import scene_content, stage_of
 from cascadenorm.mesh import any_in_rows, box_of
 from cascadenorm.mesh.polygons import Polygons
 
@@ -39,7 +39,7 @@ class UsdFile(MeshFile):
     moving_loses = ("what OpenUSD does not keep (comments, layout)",)
 
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
-        self._files = unpacked(self.data, self.format)
+        self._files = files_within(self.data, self.format)
         self._layers = opened(self._files)
         with explained("OpenUSD cannot read this file", said=said), quiet():  # a binary layer is parsed only here
             self._meshes = meshes_of(self._layers)
@@ -64,7 +64,7 @@ class UsdFile(MeshFile):
     def _stored(self, layers: Layers) -> bytes:
         """Return the bytes of the file with some of its layers replaced."""
         (layer,) = layers.values()
-        return written(layer, binary=self.data.startswith(CRATE))
+        return layer_bytes(layer, binary=self.data.startswith(CRATE))
 
     def _moved(self) -> Layers:
         """Return copies of the layers in which points moved."""
@@ -77,11 +77,11 @@ class UsdFile(MeshFile):
                 if not moves[number]:
                     continue
                 points = self.positions[self._first[number] : self._first[number + 1]]
-                put(prim, "points", points)
+                set_value(prim, "points", points)
                 finite = points[np.isfinite(points).all(axis=1)]
                 if np.shape(value(mesh.prim, "extent")) == (2, 3) and len(finite):
-                    put(prim, "extent", np.stack(box_of(finite)))
-            for name in NORMALS:
+                    set_value(prim, "extent", np.stack(box_of(finite)))
+            for name in USD_NORMALS:
                 self._renew_normals(layers, name)
         kept = {mesh.layer for number, mesh in enumerate(self._meshes) if moves[number]}
         return {name: layer for name, layer in layers.items() if name in kept}
@@ -97,7 +97,7 @@ class UsdFile(MeshFile):
             here, mesh = slice(start, start + len(tables[number])), self._meshes[number]
             if renewed[here].any():
                 mixed = np.where(renewed[here, None], normals[here], tables[number])
-                put(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
+                set_value(layers[mesh.layer].GetPrimAtPath(mesh.prim.path), name, mixed)
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of other layers and of textures, which are not changed."""
@@ -111,17 +111,17 @@ class UsdFile(MeshFile):
         if not issubclass(kind, UsdFile) or UsdzFile in (kind, type(self)):
             return None
         layer = self._moved().get(next(iter(self._layers)), next(iter(self._layers.values())))
-        return kind(written(layer, binary=kind is not UsdaFile), self.folder)
+        return kind(layer_bytes(layer, binary=kind is not UsdaFile), self.folder)
 
     def _read_content(self) -> Content:
-        return content_of(self._layers, len(self.data))
+        return scene_content(self._layers, len(self.data))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content with the colours, texture coordinates and other values of vertices and faces."""
         layer, lost = stage_of(content)
-        data = written(layer, binary=cls is not UsdaFile)
-        return [packed({"mesh.usdc": data}) if cls is UsdzFile else data], lost
+        data = layer_bytes(layer, binary=cls is not UsdaFile)
+        return [usdz_archive({"mesh.usdc": data}) if cls is UsdzFile else data], lost
 
 
 class UsdaFile(UsdFile):
@@ -142,8 +142,8 @@ class UsdzFile(UsdFile):
     format = "usdz"
 
     def _stored(self, layers: Layers) -> bytes:
-        new = {name: written(layer, binary=self._files[name].startswith(CRATE)) for name, layer in layers.items()}
-        return packed({**self._files, **new})
+        new = {name: layer_bytes(layer, binary=self._files[name].startswith(CRATE)) for name, layer in layers.items()}
+        return usdz_archive({**self._files, **new})
 
     def refers_to(self) -> dict[str, bool]:
         """Return nothing, since an archive contains the files that it references."""

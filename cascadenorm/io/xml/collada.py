@@ -28,7 +28,7 @@ KEPT_ELSEWHERE = {
 }
 
 
-class Array:
+class SourceArray:
     """The vectors of a source: their `words` in the `text` of the array, (k, w), and `values`, (k, w) float64.
 
     `begin` and `end` are the position of the text in the document.
@@ -74,7 +74,7 @@ class ColladaFile(MeshFile):
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         self._root = tree_of(self.data)
         self._by_id = {id: element for element in self._root.within() if (id := element.attributes.get("id"))}
-        self._arrays: dict[str, Array] = {}
+        self._arrays: dict[str, SourceArray] = {}
         self._parts = [part for geometry in self._root.within() for part in self._parts_of(geometry)]
         self._sources = list(dict.fromkeys(part.positions for part in self._parts))
         if not self._sources:
@@ -92,12 +92,12 @@ class ColladaFile(MeshFile):
         counts = np.concatenate([part.polygons.counts for part in self._parts])
         return as_short(positions, digits), Polygons.from_counts(counts, np.concatenate(corners))
 
-    def _array(self, id: str) -> Array:
+    def _array(self, id: str) -> SourceArray:
         if id not in self._arrays:
             source = self._by_id.get(id)
             if source is None or source.name != "source":
                 raise ReadError(f"this COLLADA file has no source {id!r}: export it again")
-            self._arrays[id] = Array(source, self._by_id)
+            self._arrays[id] = SourceArray(source, self._by_id)
         return self._arrays[id]
 
     def _parts_of(self, geometry: Element) -> list[Part]:
@@ -242,10 +242,12 @@ class ColladaFile(MeshFile):
         inputs = [b'<input semantic="%b" source="#%b"/>' % (s.encode(), s.lower().encode()) for s in arrays]
         counts, corners = content.polygons.counts, content.polygons.corners
         numbers = [lines_of(b"", a[:, None]).replace(b"\n", b" ").strip() for a in (counts, corners)]
-        return [MADE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], content.lost_values(names)
+        return [COLLADA_TEMPLATE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], content.lost_values(
+            names
+        )
 
 
-def _edit(array: Array, words: NDArray[Any], values: NDArray[Any]) -> Edit:
+def _edit(array: SourceArray, words: NDArray[Any], values: NDArray[Any]) -> Edit:
     """Return the edit that replaces words of an array. A word that several vectors share gets the last value."""
     order = np.argsort(words.ravel(), kind="stable")
     ascending = words.ravel()[order]
@@ -316,7 +318,7 @@ def _source(name: str, letters: str, values: NDArray[Any]) -> bytes:
     )
 
 
-MADE = b"""<?xml version="1.0" encoding="UTF-8"?>
+COLLADA_TEMPLATE = b"""<?xml version="1.0" encoding="UTF-8"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><created>1980-01-01T00:00:00Z</created><modified>1980-01-01T00:00:00Z</modified></asset>
 <library_geometries><geometry id="mesh"><mesh>

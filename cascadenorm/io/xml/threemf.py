@@ -35,15 +35,15 @@ Use = tuple[Reference, Matrix]
 """An object as part of another one or of the build, with its transform."""
 
 
-class Model:
+class PrintModel:
     """A model of an archive, parsed on construction: its objects by id, those to be printed, and its unit of length."""
 
     def __init__(self, name: str, data: bytes) -> None:
         self.name, self.data = name, data
-        self.objects: dict[str, Object] = {}
+        self.objects: dict[str, PrintObject] = {}
         self.build: list[Use] = []
         self.unit, self.has_materials = "millimeter", False
-        self._object: Object | None = None
+        self._object: PrintObject | None = None
         self._namespace = ""
         try:
             parse(data, self._start, self._end)
@@ -71,7 +71,7 @@ class Model:
         elif name == "triangle" and into is not None:
             into.corners += (int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"]))
         elif name == "object":
-            self._object = Object(attributes.get("name", ""))
+            self._object = PrintObject(attributes.get("name", ""))
             self.objects.setdefault(attributes["id"], self._object)
         elif name == "component" and into is not None:
             into.components.append(self._use(attributes))
@@ -93,7 +93,7 @@ class Model:
 
 
 @dataclass
-class Object:
+class PrintObject:
     """An object of a model: a mesh or components."""
 
     name: str
@@ -122,7 +122,7 @@ class ThreemfFile(MeshFile):
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         files = dict(unzipped(self.data, "3mf", lambda name: name == RELS or name.lower().endswith(".model")))
         relations = files.pop(RELS, b"")
-        self._models = {name: Model(name, data) for name, data in files.items()}
+        self._models = {name: PrintModel(name, data) for name, data in files.items()}
         self._root = _root_of(relations, list(files))
         self._objects = [
             ((name, id), found)
@@ -189,10 +189,10 @@ class ThreemfFile(MeshFile):
         triangles, _ = triangulate(content.positions, content.polygons)
         vertices = [b'<vertex x="%b" y="%b" z="%b"/>' % tuple(row.split(b" ")) for row in rows_of(content.positions)]
         faces = [b'<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(row) for row in triangles.tolist()]
-        model = MADE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
+        model = MODEL_TEMPLATE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
         made = BytesIO()
         with ZipFile(made, "w") as archive:
-            for name, data in (("[Content_Types].xml", TYPES), (RELS, RELATIONS), ("3D/3dmodel.model", model)):
+            for name, data in (("[Content_Types].xml", CONTENT_TYPES), (RELS, RELATIONS), ("3D/3dmodel.model", model)):
                 entry = ZipInfo(name)  # dated 1980, so that the bytes depend only on the mesh
                 entry.compress_type = 8
                 archive.writestr(entry, data)
@@ -224,7 +224,7 @@ def _repacked(data: bytes, new: dict[str, bytes]) -> bytes:
     return made.getvalue()
 
 
-MADE = b"""<?xml version="1.0" encoding="UTF-8"?>
+MODEL_TEMPLATE = b"""<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xml:lang="en-US" xmlns="%b">
 <resources>
 <object id="1" type="model">
@@ -250,7 +250,7 @@ RELATIONS = (
     b'<Relationship Type="%b" Target="/3D/3dmodel.model" Id="rel0"/></Relationships>\n'
 ) % MODEL.encode()
 
-TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
+CONTENT_TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">\
 <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>\
 <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>
