@@ -8,14 +8,15 @@ import pickle
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from functools import cached_property, partial
 from hashlib import sha256
 from pickle import UnpicklingError
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
-from numba.core.runtime.nrt import rtsys
 
+from cascadenorm.compute import shipped_kernels
+from cascadenorm.compute.machine_code import loaded_kernel
 from cascadenorm.compute.shipped_kernels import kernel_digest, shipped_file
 
 
@@ -38,6 +39,10 @@ class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
         *map(_readable, CompileResultCacheImpl._locator_classes),
     )
 
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the compilation result from what `reduce` made of it."""
+        return loaded_kernel(target_context, payload)
+
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """Compiled overloads of a function on disk: those shipped with the package, then those compiled locally.
@@ -45,20 +50,31 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     Errors are ignored: if the disk is full or fails, or numba is incompatible, nothing is cached.
     """
 
-    _impl_class = KernelPlaces
-
     def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        digest = partial(kernel_digest, function.__module__)
-        self._cache_file = KernelFiles(self._cache_path, self._impl.filename_base, digest)
+        self._name, self._py_func = repr(function), function
+        self.enable()
+
+    # The folder is looked for when a kernel is first called: most kernels are not called in a process.
+
+    @cached_property
+    def _impl(self) -> KernelPlaces:
+        return KernelPlaces(self._py_func)
+
+    @cached_property
+    def _cache_path(self) -> str:
+        return str(self._impl.locator.get_cache_path())
+
+    @cached_property
+    def _cache_file(self) -> "KernelFiles":
+        digest = partial(kernel_digest, self._py_func.__module__)
+        return KernelFiles(self._cache_path, self._impl.filename_base, digest)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the compiled overload for a signature, or None.
 
-        It needs numba's runtime (NRT), but not the definitions that numba compiles from, which are slow to load.
+        The definitions that numba compiles from, which are slow to load, are not needed.
         """
         with suppress(Exception):
-            rtsys.initialize(context)
             shipped = self._shipped(signature, context)
             return self._load_overload(signature, context) if shipped is None else shipped
 
@@ -68,9 +84,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(*arguments)
 
     def _shipped(self, signature: Any, context: Any) -> Any:
+        if not shipped_kernels.KERNELS_FOLDER.is_dir():
+            return None
         path = shipped_file(self._py_func, signature, context.codegen().magic_tuple())
         with suppress(Exception):  # the file is missing or damaged
-            return path and self._impl.rebuild(context, pickle.loads(path.read_bytes()))
+            return path and loaded_kernel(context, pickle.loads(path.read_bytes()))
 
     def ship(self) -> None:
         """Copy the locally compiled overloads to the folder of shipped kernels."""

@@ -52,12 +52,12 @@ for name in compiled:
 """
 
 
-def run_twice(folder, before: str = "") -> str:
+def run_twice(folder, before: str = "", *words: str) -> str:
     module = folder / "module.py"
     if not module.exists():  # older releases of numba take a file that was written again for another
         module.write_text(before + TWICE)
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "kept"), "NUMBA_DISABLE_JIT": "0"}
-    command = [sys.executable, folder / "module.py"]
+    command = [sys.executable, folder / "module.py", *words]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -174,3 +174,32 @@ def test_a_further_process_compiles_nothing_and_loads_nothing_that_numba_compile
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
         assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+CALLING = """
+import sys
+import numpy as np
+from cascadenorm.compute.kernels import kernel
+
+@kernel
+def ends(values):
+    out = np.empty(2)
+    out[0], out[1] = values[0], values[-1]
+    return out
+
+@kernel
+def distance(values):
+    low, high = ends(values)
+    return high - low
+
+values = np.array([1.0, 5.0, 3.0])
+called = dict(ends=ends, distance=distance)
+print([f"{called[name](values)} {sum(called[name].stats.cache_hits.values())}" for name in sys.argv[1:]])
+"""
+
+
+def test_a_kernel_that_was_loaded_can_be_called_and_linked_with_a_new_one(tmp_path):
+    (tmp_path / "module.py").write_text(CALLING)
+    assert run_twice(tmp_path, "", "ends") == "['[1. 3.] 0']\n"
+    assert run_twice(tmp_path, "", "ends", "distance") == "['[1. 3.] 1', '2.0 0']\n"
+    assert run_twice(tmp_path, "", "distance", "ends") == "['2.0 1', '[1. 3.] 1']\n"
