@@ -47,7 +47,7 @@ class PropertyColumn(NamedTuple):
     def read(self, body: Body) -> NDArray[Any]:
         """Return all values, row after row, in native byte order."""
         if isinstance(self.offsets, range):
-            return np.asarray(self.view(body).ravel().astype(self.kind.newbyteorder("=")))
+            return np.ascontiguousarray(self.view(body), self.kind.newbyteorder("=")).ravel()
         cells = self.places()[:, None] + np.arange(self.kind.itemsize)
         found = np.frombuffer(body, np.uint8)[cells].view(self.kind)[:, 0]
         return np.asarray(found.astype(self.kind.newbyteorder("=")))
@@ -55,7 +55,11 @@ class PropertyColumn(NamedTuple):
     def put(self, body: bytearray, values: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
         """Replace the chosen values. Each row has one value."""
         if isinstance(self.offsets, range):
-            np.copyto(self.view(body)[:, 0], values, "unsafe", where=chosen)
+            view = self.view(body)[:, 0]
+            if chosen.all():  # twice as fast
+                view[:] = values
+            else:
+                np.copyto(view, values, "unsafe", where=chosen)
             return
         cells = np.asarray(self.offsets)[chosen, None] + np.arange(self.kind.itemsize)
         raw = values[chosen].astype(self.kind)[:, None].view(np.uint8)
