@@ -12,7 +12,7 @@ from typing import Any
 from llvmlite import binding
 from llvmlite.binding.object_file import ObjectFileRef
 from numba import _dynfunc
-from numba.core.compiler import CompileResult
+from numba.core.compiler import compile_result
 from numba.core.runtime import _nrt_python
 from numba.core.runtime.nrt import rtsys
 
@@ -36,20 +36,17 @@ def loaded_kernel(context: Any, payload: tuple[Any, ...]) -> Any:
     address = codegen._engine.get_function_address(function.llvm_cpython_wrapper_name)
     for one in (environment, *environments):
         codegen.set_env(one.env_name, one)
-    return CompileResult(
+    return compile_result(  # type: ignore[no-untyped-call]
         typing_context=context.typing_context,
         target_context=context,
         entry_point=_dynfunc.make_function(function.lookup_module(), name, "compiled", address, environment, ()),
-        typing_error=None,
         type_annotation=annotation,
         signature=signature,
         objectmode=object_mode,
         lifted=lifted,
         fndesc=function,
         library=_StoredLibrary(context, stored),
-        call_helper=None,
         environment=environment,
-        metadata=None,
         reload_init=reload_init,
         referenced_envs=environments,
     )
