@@ -11,9 +11,9 @@ from typing import Any
 
 from llvmlite import binding
 from llvmlite.binding.object_file import ObjectFileRef
-from numba import _dynfunc
+from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core.compiler import compile_result
-from numba.core.runtime import _nrt_python
+from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
 from numba.core.runtime.nrt import rtsys
 
 
