@@ -24,7 +24,7 @@ OPEN = 0.3, 0.5  # limits of |Σ A n| / Σ A above which a mesh is probably, and
 INDEPENDENT = 1.0  # correlation length in mean edge lengths below which noise counts as independent
 UNSURE = 0.7, 1.5  # range of correlation lengths, in mean edge lengths, in which the classification is uncertain
 PAIRS = 4000  # number of vertices, evenly spaced in order, around which the correlation is measured
-CORRELATION_REACH = 12.0  # largest distance, in mean edge lengths, at which the correlation is measured
+CORRELATION_REACHES = 3.0, 12.0  # largest distances, in mean edge lengths, up to which the correlation is measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,12 +96,18 @@ def _voxel(lattice: VoxelLattice, exponent: int) -> tuple[float, float, float] |
 def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     """Return the distance at which the autocorrelation of values, (n,), not all zero, at points, (n, 3), falls to 1/e.
 
-    The positions and the result are in mean edge lengths, with linear interpolation between bins.
+    The positions and the result are in mean edge lengths, with linear interpolation between bins. It is at most the
+    last of CORRELATION_REACHES. Most errors are correlated over less than the first one, which takes a fraction of the
+    time and gives the same result.
     """
-    at, correlation = autocorrelation(points, values, CORRELATION_REACH)
+    near, far = CORRELATION_REACHES
+    at, correlation = autocorrelation(points, values, near)
     below = np.flatnonzero(correlation < np.exp(-1))
+    if len(below) == 0 or at[below[0]] == near:  # the last bin is half as wide
+        at, correlation = autocorrelation(points, values, far)
+        below = np.flatnonzero(correlation < np.exp(-1))
     if len(below) == 0:
-        return CORRELATION_REACH
+        return far
     i = int(below[0])
     share = (correlation[i - 1] - np.exp(-1)) / (correlation[i - 1] - correlation[i])
     return float(at[i - 1] + share * (at[i] - at[i - 1]))

@@ -17,6 +17,7 @@ from cascadenorm.cli import run
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.noise.sensor import laser_displacements
 from cascadenorm.data_gen.scanning.volumes import surface_nets
+from cascadenorm.detection import error_kind as kinds
 from cascadenorm.detection.error_kind import ErrorKind, NameOfKind, correlation_length, error_kind
 from cascadenorm.detection.segmentation_steps import is_segmentation
 from cascadenorm.detection.voxel_lattice import lattice_of_grey_values, lattice_of_mask
@@ -82,6 +83,17 @@ def test_the_correlation_length_is_that_of_the_field():
     values = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 400)).sum(axis=1)
     assert correlation_length(points, values) == pytest.approx(np.sqrt(2), rel=0.15)
     assert correlation_length(points, rng.normal(size=len(points))) < 1
+
+
+@pytest.mark.parametrize("wavelength", [0.3, 1.0, 1.8, 2.0, 5.0, 20.0])
+def test_the_correlation_length_does_not_depend_on_a_first_look_at_near_points(monkeypatch, wavelength):
+    rng = np.random.default_rng(5)
+    points = np.concatenate([rng.uniform(0, 40, (3000, 2)), np.zeros((3000, 1))], axis=1)
+    waves = rng.normal(size=(100, 3)) / wavelength
+    values = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 100)).sum(axis=1)
+    found = correlation_length(points, values)
+    monkeypatch.setattr(kinds, "CORRELATION_REACHES", (12.0, 12.0))
+    assert found == correlation_length(points, values)
 
 
 @pytest.mark.parametrize("level", [0.1, 0.3])
