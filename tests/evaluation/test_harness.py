@@ -9,8 +9,7 @@ from evaluated import COPY, SHAPES, python
 from shapes import icosphere, noisy
 
 from cascadenorm.errors import MissingDependencyError, ParameterError
-from cascadenorm.evaluation import pairs as pairs_module
-from cascadenorm.evaluation import runs
+from cascadenorm.evaluation import harness, runs
 from cascadenorm.evaluation.harness import NOISY, evaluate
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import ReadError
@@ -139,7 +138,7 @@ def test_pairs_that_cannot_be_read_are_listed_and_the_rest_goes_on(folder, tmp_p
             raise MissingDependencyError("reading '3mf' files", package="lxml", extra="formats")
         return read(path)
 
-    for module in (runs, pairs_module):
+    for module in (runs, harness):
         monkeypatch.setattr(module, "as_mesh", without_package)
     for noise in (None, 0.1):
         done = evaluate(pairs, methods="laplacian", noise=noise)
