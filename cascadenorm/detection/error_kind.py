@@ -100,14 +100,13 @@ def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
     last of CORRELATION_REACHES. Most errors are correlated over less than the first one, which takes a fraction of the
     time and gives the same result.
     """
-    near, far = CORRELATION_REACHES
-    at, correlation = autocorrelation(points, values, near)
-    below = np.flatnonzero(correlation < np.exp(-1))
-    if len(below) == 0 or at[below[0]] == near:  # the last bin is half as wide
-        at, correlation = autocorrelation(points, values, far)
+    for reach in CORRELATION_REACHES:
+        at, correlation = autocorrelation(points, values, reach)
         below = np.flatnonzero(correlation < np.exp(-1))
+        if len(below) > 0 and at[below[0]] < reach:  # the last bin, at the reach, is half as wide
+            break
     if len(below) == 0:
-        return far
+        return CORRELATION_REACHES[-1]
     i = int(below[0])
     share = (correlation[i - 1] - np.exp(-1)) / (correlation[i - 1] - correlation[i])
     return float(at[i - 1] + share * (at[i] - at[i - 1]))
