@@ -10,9 +10,7 @@ from cascadenorm.mesh.vectors import dot, length, row
 
 STEP_HALVINGS = 8  # halvings of the displacement of a vertex before the vertex returns to its input position
 STEEPEST_NORMAL = math.sqrt(0.5)  # a face within 45° of the mean normal around it never counts as a foldover
-FOLDOVER_COSINE = math.cos(
-    math.radians(105)
-)  # cosine of the angle between adjacent normals below which the edge is folded
+FOLDOVER_COSINE = math.cos(math.radians(105))  # between adjacent normals; an edge with a smaller cosine is folded
 SLIVER = 0.05  # height of a face, in mean edge lengths, below which it is a sliver
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
