@@ -49,6 +49,7 @@ def rounded_soup(apart: float) -> tuple[Mesh, bytes]:
     return ball, "\n".join([*text, "endsolid"]).encode()
 
 
+@pytest.mark.compiled
 def test_corners_that_nearly_coincide_are_reported_and_joined_on_request(tmp_path, capsys):
     ball, data = rounded_soup(1e-6)
     path = tmp_path / "soup.stl"
