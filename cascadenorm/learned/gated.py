@@ -9,10 +9,10 @@ import numpy as np
 
 from cascadenorm.detection.gate import ComponentKinds, Gate, Treatment, component_kinds
 from cascadenorm.learned.cascade import Cascade
-from cascadenorm.learned.noise_evidence import noise_evidence
+from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
 from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
-from cascadenorm.mesh import Bools, Mesh, Vectors, angles_between, part_of
+from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
 from cascadenorm.registry import ParameterError
 
 GATED_FORMATS = ("cascadenorm-gated/2", "cascadenorm-gated/1")
@@ -108,7 +108,7 @@ class ChosenNetworks(NamedTuple):
     def _shape_vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise."""
         normals = stage_normals(self.vertex.stages[0], mesh, mesh)
-        evidence = noise_evidence(mesh, angles_between(mesh.face_normals, normals))[:, None]
+        evidence = noise_evidence(mesh, turning_angles(mesh, normals))[:, None]
         mesh.forget_geometry()  # the network needs memory
         return evidence * self.vertex.vertices(mesh, normals) + (1 - evidence) * mesh.vertices
 

@@ -5,7 +5,7 @@ Noise turns all faces of a neighbourhood. A network that takes detail of the sha
 
 import numpy as np
 
-from cascadenorm.mesh import Floats, Mesh
+from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, any_in_rows
 from cascadenorm.mesh.averages import averaged, averaged_around
 
 LITTLE = np.radians((2.0, 3.0))
@@ -17,6 +17,14 @@ ROUNDS = 7
 """Averaging rounds over vertex neighbours. The means extend as far as the widest context features."""
 
 
+def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:
+    """Return the angle between the normal of each face and a given one in radians, (m,); 0 for faces without area."""
+    ours = mesh.face_normals
+    angles = np.zeros(len(ours))
+    angles[any_in_rows(ours != 0) & any_in_rows(normals != 0)] = angles_between(ours, normals)
+    return angles
+
+
 def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     """Return how strongly the angles around each vertex indicate noise, (n,) from 0 to 1.
 
@@ -26,7 +34,7 @@ def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     Parameters
     ----------
     angles
-        (m,) angles in radians by which the first stage turns the faces.
+        (m,) angles in radians by which the first stage turns the faces, see `turning_angles`.
     """
     topology = mesh.topology
     components = topology.face_components

@@ -4,7 +4,7 @@ import numpy as np
 from shapes import grid, icosphere, noisy, side_by_side
 
 from cascadenorm.learned.methods import shipped
-from cascadenorm.learned.noise_evidence import noise_evidence
+from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
 from cascadenorm.mesh import Mesh, angles_between
 
 BALL = icosphere(4)
@@ -45,6 +45,11 @@ def test_noise_on_a_part_of_a_mesh_is_evidence_there():
     evidence = noise_evidence(BALL, angles)
     assert np.all(evidence[BALL.vertices[:, 2] > 0.95] == 1)
     assert np.all(evidence[BALL.vertices[:, 2] < 0] == 0)
+
+
+def test_faces_without_area_are_not_turned():
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], [[0, 1, 2], [0, 1, 3]])
+    np.testing.assert_allclose(turning_angles(mesh, np.tile([1.0, 0, 0], (2, 1))), [np.pi / 2, 0])
 
 
 def test_vertices_without_a_face_have_no_evidence():
