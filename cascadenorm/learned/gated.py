@@ -109,7 +109,6 @@ class ChosenNetworks(NamedTuple):
         """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise."""
         normals = stage_normals(self.vertex.stages[0], mesh, mesh)
         evidence = noise_evidence(mesh, turning_angles(mesh, normals))[:, None]
-        mesh.forget_geometry()  # the network needs memory
         return evidence * self.vertex.vertices(mesh, normals) + (1 - evidence) * mesh.vertices
 
 

@@ -38,13 +38,15 @@ def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     """
     topology = mesh.topology
     components = topology.face_components
-    component_means = np.bincount(components, angles) / np.maximum(np.bincount(components), 1)
+    overall = _rise(np.bincount(components, angles) / np.maximum(np.bincount(components), 1), *LITTLE)
+    if np.all(overall == 1):
+        return np.ones(len(mesh.vertices))
     powers = np.stack([np.sqrt(angles), angles], axis=1)
     means = averaged(averaged_around(powers, topology.vertex_faces), topology.vertex_neighbors, ROUNDS)
-    evenness = means[:, 0] ** 4 / np.maximum(means[:, 1] ** 2, np.finfo(float).tiny)
-    overall = np.zeros(len(means))
-    overall[mesh.faces] = component_means[components][:, None]
-    return np.maximum(_rise(evenness, *EVEN), _rise(overall, *LITTLE))
+    evidence = _rise(means[:, 0] ** 4 / np.maximum(means[:, 1] ** 2, np.finfo(float).tiny), *EVEN)
+    corners = mesh.faces.ravel()
+    evidence[corners] = np.maximum(evidence[corners], np.repeat(overall[components], 3))
+    return evidence
 
 
 def _rise(values: Floats, low: float, high: float) -> Floats:
