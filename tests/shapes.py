@@ -117,3 +117,11 @@ def mean_angle(mesh: Mesh, true: Mesh) -> float:
 def signed_volume(mesh: Mesh) -> float:
     """What a closed mesh encloses, positive where its normals point outward (divergence theorem)."""
     return float(np.einsum("ij,ij->", mesh.centroids, mesh.area_vectors) / 3)
+
+
+def side_by_side(*meshes: Mesh) -> Mesh:
+    """Return meshes as the components of one, a hundred units apart."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = [mesh.vertices + 100.0 * i for i, mesh in enumerate(meshes)]
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))

@@ -45,16 +45,16 @@ class Cascade:
         """The network under an empty name. A model with a gate has two networks."""
         return {"": self}
 
-    def steps(self, mesh: Mesh) -> Iterator[Mesh]:
-        """Yield the mesh after each stage."""
+    def steps(self, mesh: Mesh, normals: Vectors | None = None) -> Iterator[Mesh]:
+        """Yield the mesh after each stage. The normals of the first stage, (m, 3), are computed unless given."""
         noisy = mesh
         for number in track(len(self.stages)):
-            mesh = apply_stage(self.stages[number], mesh, noisy)
+            mesh = apply_stage(self.stages[number], mesh, noisy, None if number else normals)
             yield mesh
 
-    def vertices(self, mesh: Mesh) -> Vectors:
-        """Return the vertices of the mesh after the last stage, (n, 3)."""
-        for last in self.steps(mesh):  # previous meshes are released
+    def vertices(self, mesh: Mesh, normals: Vectors | None = None) -> Vectors:
+        """Return the vertices of the mesh after the last stage, (n, 3). For `normals`, see `steps`."""
+        for last in self.steps(mesh, normals):  # previous meshes are released
             mesh = last
         return mesh.vertices
 
@@ -114,10 +114,11 @@ class Cascade:
         return cls(tuple(stages), header["card"])
 
 
-def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh) -> Mesh:
-    """Return a mesh after one more stage: regress its normals and move its vertices to fit them."""
+def apply_stage(stage: Regression, mesh: Mesh, noisy: Mesh, normals: Vectors | None = None) -> Mesh:
+    """Return a mesh after one more stage: regress its normals, unless given, and move its vertices to fit them."""
     settings = stage.settings
-    normals = stage_normals(stage, mesh, noisy)
+    if normals is None:
+        normals = stage_normals(stage, mesh, noisy)
     vertices = recover_vertices(
         mesh, normals, sweeps=settings.sweeps, weighting=settings.weighting, foldovers=settings.foldovers
     )

@@ -9,6 +9,8 @@ import numpy as np
 
 from cascadenorm.detection.gate import ComponentKinds, Gate, Treatment, component_kinds
 from cascadenorm.learned.cascade import Cascade
+from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
+from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
 from cascadenorm.registry import ParameterError
@@ -93,13 +95,21 @@ class ChosenNetworks(NamedTuple):
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
         measured = self.measured[mesh.topology.face_components]
-        if measured.all() or not measured.any():
-            return (self.surface if measured.all() else self.vertex).vertices(mesh)
+        if measured.all():
+            return self.surface.vertices(mesh)
+        if not measured.any():
+            return self._shape_vertices(mesh)
         vertices = mesh.vertices.copy()
-        for cascade, faces in ((self.vertex, ~measured), (self.surface, measured)):
+        for denoised, faces in ((self._shape_vertices, ~measured), (self.surface.vertices, measured)):
             part, numbers = part_of(mesh, faces)
-            vertices[numbers] = cascade.vertices(part)
+            vertices[numbers] = denoised(part)
         return vertices
+
+    def _shape_vertices(self, mesh: Mesh) -> Vectors:
+        """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise."""
+        normals = stage_normals(self.vertex.stages[0], mesh, mesh)
+        evidence = noise_evidence(mesh, turning_angles(mesh, normals))[:, None]
+        return evidence * self.vertex.vertices(mesh, normals) + (1 - evidence) * mesh.vertices
 
 
 def _under(tensors: Arrays, part: str) -> Arrays:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import ball_of_voxels, grid, icosphere, noisy
+from shapes import ball_of_voxels, grid, icosphere, noisy, side_by_side
 from sklearn.ensemble import ExtraTreesClassifier
 
 import cascadenorm as cn
@@ -24,13 +24,6 @@ OPEN = Gate(
     shares=np.array([0, 0.1, 0.9], np.float32),
 )
 """A gate that takes open surfaces for measured ones."""
-
-
-def side_by_side(*meshes: Mesh) -> Mesh:
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    vertices = [mesh.vertices + 100.0 * i for i, mesh in enumerate(meshes)]
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
 def test_trees_as_arrays_say_what_the_forest_says():

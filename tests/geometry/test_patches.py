@@ -23,7 +23,7 @@ RIBBON = noisy(grid(400, 6), 0.25, seed=1)
 BALL = noisy(icosphere(4), 0.2)
 
 
-def side_by_side(*meshes: Mesh) -> Mesh:
+def in_a_row(*meshes: Mesh) -> Mesh:
     """Return meshes as the components of one, in a row along x."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     places = np.cumsum([0, *(np.ptp(mesh.vertices[:, 0]) + 5 for mesh in meshes)])
@@ -36,7 +36,7 @@ def many() -> Mesh:
     """Components of many kinds: open, closed, inward, exact, of one face; and a vertex without a face."""
     face = Mesh([[0, 0, 9], [1, 0, 9], [0, 1, 9.5]], [[0, 1, 2]])
     inward = Mesh(BALL.vertices * 8, BALL.faces[:, ::-1])
-    mesh = side_by_side(RIBBON, inward, noisy(icosphere(2), 0.2), cube(6), face)
+    mesh = in_a_row(RIBBON, inward, noisy(icosphere(2), 0.2), cube(6), face)
     return Mesh(np.append(mesh.vertices * 3 + [70, 0, 0], [[900.0, 0, 0]], axis=0), mesh.faces)
 
 
@@ -118,7 +118,7 @@ def test_filtered_normals_are_kept_or_made_again(monkeypatch):
 
 def test_cascade_agrees_with_the_whole_and_widens_halos(monkeypatch):
     monkeypatch.setattr(stage_normals, "BY_DISTANCE", 3)
-    mesh = side_by_side(RIBBON, noisy(icosphere(2), 0.2))
+    mesh = in_a_row(RIBBON, noisy(icosphere(2), 0.2))
     whole, patches = in_patches(mesh, 1500, method="cascade")
     assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
 

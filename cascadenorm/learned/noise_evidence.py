@@ -1,0 +1,54 @@
+"""Evidence for noise in how far the first stage of a network turns the faces of a mesh.
+
+Noise turns all faces of a neighbourhood. A network that takes detail of the shape for noise turns some of them.
+"""
+
+import numpy as np
+
+from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, any_in_rows
+from cascadenorm.mesh.averages import averaged, averaged_around
+
+LITTLE = np.radians((2.0, 3.0))
+"""Mean angles over a component between which the evenness of the angles loses its influence. Clean meshes are turned by
+2.3 degrees at most, and meshes with noise of 0.03 mean edge lengths by about 3."""
+EVEN = (0.5, 0.8)
+"""Evenness of the angles between which the evidence rises from 0 to 1. White noise has an evenness of 0.86."""
+ROUNDS = 7
+"""Averaging rounds over vertex neighbours. The means extend as far as the widest context features."""
+
+
+def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:
+    """Return the angle between the normal of each face and a given one in radians, (m,); 0 for faces without area."""
+    ours = mesh.face_normals
+    angles = np.zeros(len(ours))
+    angles[any_in_rows(ours != 0) & any_in_rows(normals != 0)] = angles_between(ours, normals)
+    return angles
+
+
+def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
+    """Return how strongly the angles around each vertex indicate noise, (n,) from 0 to 1.
+
+    It is 1 on components with a mean angle above LITTLE. Otherwise it depends on the evenness of the angles a around
+    the vertex, (mean √a)⁴ / (mean a)², which is 1 if they are equal and tends to 0 if few of them are large.
+
+    Parameters
+    ----------
+    angles
+        (m,) angles in radians by which the first stage turns the faces, see `turning_angles`.
+    """
+    topology = mesh.topology
+    components = topology.face_components
+    overall = _rise(np.bincount(components, angles) / np.maximum(np.bincount(components), 1), *LITTLE)
+    if np.all(overall == 1):
+        return np.ones(len(mesh.vertices))
+    powers = np.stack([np.sqrt(angles), angles], axis=1)
+    means = averaged(averaged_around(powers, topology.vertex_faces), topology.vertex_neighbors, ROUNDS)
+    evidence = _rise(means[:, 0] ** 4 / np.maximum(means[:, 1] ** 2, np.finfo(float).tiny), *EVEN)
+    corners = mesh.faces.ravel()
+    evidence[corners] = np.maximum(evidence[corners], np.repeat(overall[components], 3))
+    return evidence
+
+
+def _rise(values: Floats, low: float, high: float) -> Floats:
+    """Map values linearly, so that those up to `low` become 0 and those from `high` on become 1."""
+    return np.clip((values - low) / (high - low), 0, 1)
