@@ -93,14 +93,12 @@ def without_detail(removal: DetailRemoval, mesh: Mesh, vertices: Vectors) -> Vec
     """Remove features up to a width from the result of a method, by rolling guidance of the normals.
 
     Returns (n, 3) vertices within half a width, the height of a hemisphere, of `vertices`, which are those after the
-    method. Vertices that the method did not move stay, and no face is flipped against the input, except to undo
-    foldovers in it.
+    method. No face is flipped against the input, except to undo foldovers in it.
     """
     left = mesh.moved(vertices)
     if removal.width == 0 or not left.mean_edge_length > 0:
         return vertices
     width = min(removal.width, WIDEST_DETAIL * mesh.diagonal)
     filtered = rolling_guidance_normal(left, width=width / left.mean_edge_length)
-    kept = (vertices == mesh.vertices).all(axis=1)
-    displacement = clip_lengths(np.where(kept[:, None], 0.0, filtered - vertices), 0.5 * width)
+    displacement = clip_lengths(filtered - vertices, 0.5 * width)
     return without_flips(mesh, vertices + removal.share * displacement)

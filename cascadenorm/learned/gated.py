@@ -1,6 +1,6 @@
 """Two cascades and the gate that chooses between them per component."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Any, NamedTuple
@@ -94,22 +94,33 @@ class ChosenNetworks(NamedTuple):
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
-        measured = self.measured[mesh.topology.face_components]
-        if measured.all():
-            return self.surface.vertices(mesh)
-        if not measured.any():
-            return self._shape_vertices(mesh)
-        vertices = mesh.vertices.copy()
-        for denoised, faces in ((self._shape_vertices, ~measured), (self.surface.vertices, measured)):
-            part, numbers = part_of(mesh, faces)
-            vertices[numbers] = denoised(part)
-        return vertices
+        faces, vertices = (self.measured[of] for of in (mesh.topology.face_components, mesh.topology.components))
+        surfaces = _denoised_part(mesh, faces, self.surface.vertices)
+        shapes = _denoised_part(mesh, ~faces, self._shape_vertices)
+        return np.where(vertices[:, None], surfaces, shapes)
 
     def _shape_vertices(self, mesh: Mesh) -> Vectors:
-        """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise."""
+        """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise.
+
+        The later stages skip components without evidence.
+        """
+        topology = mesh.topology
         normals = stage_normals(self.vertex.stages[0], mesh, mesh)
-        evidence = noise_evidence(mesh, turning_angles(mesh, normals))[:, None]
-        return evidence * self.vertex.vertices(mesh, normals) + (1 - evidence) * mesh.vertices
+        evidence = noise_evidence(mesh, turning_angles(mesh, normals))
+        noisy = np.isin(topology.face_components, topology.components[evidence > 0])
+        denoised = _denoised_part(mesh, noisy, lambda part: self.vertex.vertices(part, normals[noisy]))
+        return evidence[:, None] * denoised + (1 - evidence[:, None]) * mesh.vertices
+
+
+def _denoised_part(mesh: Mesh, chosen: Bools, denoised: Callable[[Mesh], Vectors]) -> Vectors:
+    """Return the vertices, (n, 3), of a mesh, of which those of the chosen components, (m,) by face, are denoised."""
+    if chosen.all():
+        return denoised(mesh)
+    vertices = mesh.vertices.copy()
+    if chosen.any():
+        part, numbers = part_of(mesh, chosen)
+        vertices[numbers] = denoised(part)
+    return vertices
 
 
 def _under(tensors: Arrays, part: str) -> Arrays:

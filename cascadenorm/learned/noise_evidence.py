@@ -13,6 +13,9 @@ LITTLE = np.radians((2.0, 3.0))
 2.3 degrees at most, and meshes with noise of 0.03 mean edge lengths by about 3."""
 EVEN = (0.5, 0.8)
 """Evenness of the angles between which the evidence rises from 0 to 1. White noise has an evenness of 0.86."""
+TINY = np.radians((0.1, 0.2))
+"""Mean angles around a vertex between which the evidence rises from 0 to 1. The network tells apart normals that differ
+by half a degree or more."""
 ROUNDS = 7
 """Averaging rounds over vertex neighbours. The means extend as far as the widest context features."""
 
@@ -28,8 +31,9 @@ def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:
 def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     """Return how strongly the angles around each vertex indicate noise, (n,) from 0 to 1.
 
-    It is 1 on components with a mean angle above LITTLE. Otherwise it depends on the evenness of the angles a around
-    the vertex, (mean √a)⁴ / (mean a)², which is 1 if they are equal and tends to 0 if few of them are large.
+    It is 1 on components with a mean angle above LITTLE. Otherwise it depends on the mean of the angles a around the
+    vertex and on their evenness, (mean √a)⁴ / (mean a)², which is 1 if they are equal and tends to 0 if few of them are
+    large.
 
     Parameters
     ----------
@@ -43,7 +47,8 @@ def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
         return np.ones(len(mesh.vertices))
     powers = np.stack([np.sqrt(angles), angles], axis=1)
     means = averaged(averaged_around(powers, topology.vertex_faces), topology.vertex_neighbors, ROUNDS)
-    evidence = _rise(means[:, 0] ** 4 / np.maximum(means[:, 1] ** 2, np.finfo(float).tiny), *EVEN)
+    evenness = means[:, 0] ** 4 / np.maximum(means[:, 1] ** 2, np.finfo(float).tiny)
+    evidence = _rise(evenness, *EVEN) * _rise(means[:, 1], *TINY)
     corners = mesh.faces.ravel()
     evidence[corners] = np.maximum(evidence[corners], np.repeat(overall[components], 3))
     return evidence

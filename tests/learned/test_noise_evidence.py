@@ -15,8 +15,9 @@ def turned(mesh: Mesh, degrees: float, share: float) -> np.ndarray:
     return np.where(np.random.default_rng(0).random(len(mesh.faces)) < share, np.radians(degrees), 0.0)
 
 
-def test_equal_angles_are_evidence_however_small_they_are():
-    np.testing.assert_array_equal(noise_evidence(BALL, turned(BALL, 0.1, 1)), 1)
+def test_equal_angles_are_evidence_from_a_fifth_of_a_degree():
+    for degrees, evidence in (0.2, 1), (0.15, 0.5), (0.1, 0):
+        np.testing.assert_allclose(noise_evidence(BALL, turned(BALL, degrees, 1)), evidence, atol=1e-9)
 
 
 def test_a_few_large_angles_are_no_evidence():
@@ -64,3 +65,12 @@ def test_slight_noise_is_removed_where_it_is_and_nowhere_else():
     error, noise = (angles_between(some.face_normals, BALL.face_normals) for some in (denoised, mesh))
     assert error[upper[BALL.faces].all(axis=1)].mean() < 0.5 * noise[upper[BALL.faces].all(axis=1)].mean()
     assert np.degrees(error[(BALL.vertices[:, 2] < -0.3)[BALL.faces].all(axis=1)].mean()) < 0.1
+
+
+def test_components_without_noise_stay_bit_for_bit():
+    auto, noisy_ball = shipped("auto"), noisy(BALL, 0.2)
+    np.testing.assert_array_equal(auto.vertices(BALL), BALL.vertices)
+    both = auto.vertices(side_by_side(BALL, noisy_ball))
+    np.testing.assert_array_equal(both[: len(BALL.vertices)], BALL.vertices)
+    alone = auto.vertices(noisy_ball) + 100
+    np.testing.assert_allclose(both[len(BALL.vertices) :], alone, atol=1e-3)
