@@ -114,6 +114,16 @@ class DenoisingSummary:
         counts = (self.isolated_vertices, vertices), (self.isolated_faces, faces)
         return ", ".join(text for count, text in counts if count)
 
+    @property
+    def unmoved(self) -> str:
+        """What to do if `auto` found no error and moved no vertex, in words; otherwise empty."""
+        if self.error is None or self.error.kind != "none" or self.moved:
+            return ""
+        return (
+            "auto found no error and moved no vertex; a strength above 1, the removal of detail or another method "
+            "removes what it takes for shape"
+        )
+
 
 class Denoised(NamedTuple):
     """Summary of how a file was denoised, with the file before and after."""

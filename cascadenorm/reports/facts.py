@@ -140,9 +140,11 @@ def python_call(done: DenoisingSummary | Recipe) -> str:
 
 def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Inspection]]) -> list[str]:
     """Return sentences that a reader should know before using the result."""
-    said = [] if done is None else [f"left out of the output: {loss}" for loss in done.left_out]
-    if done is not None and done.left_unchanged:
-        said.append(f"left unchanged: {done.left_unchanged}")
+    said = []
+    if done is not None:
+        said += [f"left out of the output: {loss}" for loss in done.left_out]
+        said += [f"left unchanged: {done.left_unchanged}"] if done.left_unchanged else []
+        said += [done.unmoved] if done.unmoved else []
     for given, found in inspected:
         if found.crossing_faces is None:
             said.append(f"{given.label}: self-intersections were not checked, because the mesh is large")

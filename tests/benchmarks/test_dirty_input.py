@@ -30,6 +30,8 @@ REFUSED = {
 NEVER = ("no vertices, no faces", "points without faces")
 DONE = [name for name in MESHES if name not in REFUSED]
 METHODS = ["auto", "bilateral-normal"]
+LEFT_BY_AUTO = ("a single triangle", "soup: no vertex is shared", "open")
+"""Meshes on which `auto` finds no error: a part of a coarse torus, and faces without neighbours."""
 
 
 @cache
@@ -54,7 +56,7 @@ def test_what_can_be_worked_on_comes_out_finite_and_near(name, method):
     if "spike" in name:
         far = np.isin(np.arange(COUNT), mesh.faces[(mesh.faces == 7).any(axis=1)])
         before, out = before[~far], out[~far]
-    if name != "a single triangle":
+    if name not in LEFT_BY_AUTO:
         assert (out != before).any()
     assert (np.abs(out - before) <= 4 * EDGE * mesh.scale).all()
 
@@ -135,7 +137,7 @@ def test_files_fare_as_arrays_do(tmp_path, capsys, name, method):
     elif "soup" in name or "without area" in name:  # a file's copies in one place are joined
         assert code == 0 and np.isfinite(cn.read(output).positions).all()
     else:
-        notes = "not joined with it: --weld", "the result has"
+        notes = "not joined with it: --weld", "the result has", "auto found no error and moved no vertex"
         assert code == 0 and all(any(note in line for note in notes) for line in err.splitlines())
         np.testing.assert_array_equal(cn.read(output).positions, denoised(name, method))
     assert run(["inspect", str(source)]) == 0

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import CLEAN, FAST, ROUGH, command, refused
-from shapes import grid, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.cli import run
@@ -27,6 +27,18 @@ def test_denoise_writes_beside_its_input_and_says_so(place, capsys):
     mesh = cn.read(place / "ball_denoised.ply").mesh
     np.testing.assert_array_equal(mesh.vertices, cn.denoise(ROUGH, method="laplacian").vertices)
     np.testing.assert_array_equal(mesh.faces, ROUGH.faces)
+
+
+def test_a_mesh_without_error_comes_back_unchanged_and_what_removes_more_is_named(place, capsys):
+    save_mesh(Path("cube.ply"), cube(6))
+    assert run(["denoise", "cube.ply", "-o", "out.ply", "--report", "cube.html"]) == 0
+    out, err = capsys.readouterr()
+    assert "0 of 218 vertices moved" in out and "kind of error: no significant error" in out
+    said = "auto found no error and moved no vertex; a strength above 1, the removal of detail or another method"
+    assert said in err and said in Path("cube.html").read_text(encoding="utf-8")
+    np.testing.assert_array_equal(cn.read("out.ply").mesh.vertices, cn.read("cube.ply").mesh.vertices)
+    assert run(["denoise", "cube.ply", "-o", "fixed.ply", "--strength", "0"]) == 0
+    assert "moved no vertex" not in capsys.readouterr().err
 
 
 def test_options_reach_the_method_and_its_controls(place):
