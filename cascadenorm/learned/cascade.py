@@ -45,16 +45,19 @@ class Cascade:
         """The network under an empty name. A model with a gate has two networks."""
         return {"": self}
 
-    def steps(self, mesh: Mesh, normals: Vectors | None = None) -> Iterator[Mesh]:
-        """Yield the mesh after each stage. The normals of the first stage, (m, 3), are computed unless given."""
+    def steps(self, mesh: Mesh, known: list[Vectors] | None = None) -> Iterator[Mesh]:
+        """Yield the mesh after each stage.
+
+        The normals of the first stages, (m, 3), are taken out of the list `known` as long as it has any.
+        """
         noisy = mesh
         for number in track(len(self.stages)):
-            mesh = apply_stage(self.stages[number], mesh, noisy, None if number else normals)
+            mesh = apply_stage(self.stages[number], mesh, noisy, known.pop(0) if known else None)
             yield mesh
 
-    def vertices(self, mesh: Mesh, normals: Vectors | None = None) -> Vectors:
-        """Return the vertices of the mesh after the last stage, (n, 3). For `normals`, see `steps`."""
-        for last in self.steps(mesh, normals):  # previous meshes are released
+    def vertices(self, mesh: Mesh, known: list[Vectors] | None = None) -> Vectors:
+        """Return the vertices of the mesh after the last stage, (n, 3). For `known`, see `steps`."""
+        for last in self.steps(mesh, known):  # previous meshes are released
             mesh = last
         return mesh.vertices
 

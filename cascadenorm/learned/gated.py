@@ -105,10 +105,12 @@ class ChosenNetworks(NamedTuple):
         The later stages skip components without evidence.
         """
         topology = mesh.topology
-        normals = stage_normals(self.vertex.stages[0], mesh, mesh)
-        evidence = noise_evidence(mesh, turning_angles(mesh, normals))
+        known = [stage_normals(self.vertex.stages[0], mesh, mesh)]  # released after the first stage
+        evidence = noise_evidence(mesh, turning_angles(mesh, known[0]))
         noisy = np.isin(topology.face_components, topology.components[evidence > 0])
-        denoised = _denoised_part(mesh, noisy, lambda part: self.vertex.vertices(part, normals[noisy]))
+        if not noisy.all():
+            known = [known[0][noisy]]
+        denoised = _denoised_part(mesh, noisy, lambda part: self.vertex.vertices(part, known))
         return evidence[:, None] * denoised + (1 - evidence[:, None]) * mesh.vertices
 
 
