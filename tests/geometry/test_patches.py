@@ -103,6 +103,14 @@ def test_auto_agrees_with_the_whole(name):
     assert np.abs(whole - mesh.vertices).max() > 0.1 * mesh.mean_edge_length
 
 
+def test_auto_leaves_components_without_noise_in_patches_as_well():
+    clean = icosphere(4)
+    mesh = in_a_row(clean, RIBBON)
+    whole, patches = in_patches(mesh, 1500)
+    np.testing.assert_array_equal(patches[: len(clean.vertices)], mesh.vertices[: len(clean.vertices)])
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
+
+
 def test_filtered_normals_are_kept_or_made_again(monkeypatch):
     made = []
     stage_stack = stage_normals.stage_stack
