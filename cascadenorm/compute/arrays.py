@@ -74,15 +74,21 @@ def row_distances(points: Vectors, pairs: Ints32) -> Floats:
     return out
 
 
-def angles_between(ours: Vectors, theirs: Vectors) -> Floats:
+def angles_between(ours: Vectors, theirs: Vectors, *, undefined: float | None = None) -> Floats:
     """Return the angles in radians between corresponding unit rows, accurate at any angle.
 
-    Pairs with a zero row are left out.
+    The angle of a pair with a zero row is `undefined`. If that is None, these pairs are left out.
     """
     proper = any_in_rows(ours != 0) & any_in_rows(theirs != 0)
-    if not proper.all():
+    complete = bool(proper.all())
+    if not complete:
         ours, theirs = ours[proper], theirs[proper]
-    return np.asarray(2 * np.arctan2(row_lengths(ours - theirs), row_lengths(ours + theirs)))
+    angles = np.asarray(2 * np.arctan2(row_lengths(ours - theirs), row_lengths(ours + theirs)))
+    if complete or undefined is None:
+        return angles
+    every = np.full(len(proper), undefined)
+    every[proper] = angles
+    return every
 
 
 def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:

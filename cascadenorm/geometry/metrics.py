@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
-from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, any_in_rows, scaled_alike
+from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike
 
 APART = 0.5  # mean distance to the ground truth, in diagonals of the smaller mesh, above which meshes are unrelated
 LEAST_SIZE = 1e-90  # smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow
@@ -135,9 +135,7 @@ def errors(mesh: Mesh, reference: Mesh) -> Errors:
 
 def angles_at_faces(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
     """Return the (m,) angles between two normals of each face in degrees; NaN if either is zero."""
-    angles = np.full(len(ours), np.nan)
-    angles[any_in_rows(ours != 0) & any_in_rows(theirs != 0)] = np.degrees(angles_between(ours, theirs))
-    return angles
+    return np.degrees(angles_between(ours, theirs, undefined=np.nan))
 
 
 def _check_related(mesh: Mesh, reference: Mesh, distance: float) -> None:

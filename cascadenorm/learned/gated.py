@@ -1,6 +1,6 @@
 """Two cascades and the gate that chooses between them per component."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
 from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
-from cascadenorm.mesh import Bools, Mesh, Vectors, part_of
+from cascadenorm.mesh import Bools, Mesh, Vectors, with_part_moved
 from cascadenorm.registry import ParameterError
 
 GATED_FORMATS = ("cascadenorm-gated/2", "cascadenorm-gated/1")
@@ -94,10 +94,10 @@ class ChosenNetworks(NamedTuple):
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
-        faces, vertices = (self.measured[of] for of in (mesh.topology.face_components, mesh.topology.components))
-        surfaces = _denoised_part(mesh, faces, self.surface.vertices)
-        shapes = _denoised_part(mesh, ~faces, self._shape_vertices)
-        return np.where(vertices[:, None], surfaces, shapes)
+        measured = self.measured[mesh.topology.face_components]
+        if measured.any():
+            mesh = mesh.moved(with_part_moved(mesh, measured, self.surface.vertices))
+        return with_part_moved(mesh, ~measured, self._shape_vertices)
 
     def _shape_vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise.
@@ -110,19 +110,8 @@ class ChosenNetworks(NamedTuple):
         noisy = np.isin(topology.face_components, topology.components[evidence > 0])
         if not noisy.all():
             known = [known[0][noisy]]
-        denoised = _denoised_part(mesh, noisy, lambda part: self.vertex.vertices(part, known))
+        denoised = with_part_moved(mesh, noisy, lambda part: self.vertex.vertices(part, known))
         return evidence[:, None] * denoised + (1 - evidence[:, None]) * mesh.vertices
-
-
-def _denoised_part(mesh: Mesh, chosen: Bools, denoised: Callable[[Mesh], Vectors]) -> Vectors:
-    """Return the vertices, (n, 3), of a mesh, of which those of the chosen components, (m,) by face, are denoised."""
-    if chosen.all():
-        return denoised(mesh)
-    vertices = mesh.vertices.copy()
-    if chosen.any():
-        part, numbers = part_of(mesh, chosen)
-        vertices[numbers] = denoised(part)
-    return vertices
 
 
 def _under(tensors: Arrays, part: str) -> Arrays:

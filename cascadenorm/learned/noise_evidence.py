@@ -5,7 +5,7 @@ Noise turns all faces of a neighbourhood. A network that takes detail of the sha
 
 import numpy as np
 
-from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, any_in_rows, face_area_vectors, unit
+from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, face_area_vectors, unit
 from cascadenorm.mesh.averages import averaged, averaged_around
 
 LITTLE = np.radians((2.0, 3.0))
@@ -23,9 +23,7 @@ ROUNDS = 7
 def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:
     """Return the angle between the normal of each face and a given one in radians, (m,); 0 for faces without area."""
     ours = unit(face_area_vectors(mesh.vertices, mesh.faces))  # not cached, since the network needs memory
-    angles = np.zeros(len(ours))
-    angles[any_in_rows(ours != 0) & any_in_rows(normals != 0)] = angles_between(ours, normals)
-    return angles
+    return angles_between(ours, normals, undefined=0.0)
 
 
 def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:

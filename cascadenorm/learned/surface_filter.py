@@ -10,7 +10,7 @@ from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.fairing import grown
 from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.quadrics import quadric_normals
-from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit
+from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit, with_part_moved
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
 """Settings of the bilateral filter, named as in the method `bilateral-normal`."""
@@ -40,13 +40,7 @@ def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
     -------
     (n, 3) vertices.
     """
-    if measured.all():
-        return _filtered(mesh)
-    vertices = mesh.vertices.copy()
-    if measured.any():
-        part, numbers = part_of(mesh, measured)
-        vertices[numbers] = _filtered(part)
-    return vertices
+    return with_part_moved(mesh, measured, _filtered)
 
 
 def _filtered(mesh: Mesh) -> Vectors:

@@ -39,6 +39,7 @@ from cascadenorm.mesh.isolation import (
     isolated,
     part_of,
     repeats_vertex,
+    with_part_moved,
     without_lines,
     without_repeated_faces,
 )
@@ -52,5 +53,6 @@ __all__ = [
     "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each", "first_places", "frame_of",
     "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads", "one_blas_thread",
     "ordered_for_cache", "parallel_for", "part_of", "repeats_vertex", "row_distances", "row_lengths", "scale_between",
-    "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count", "unit", "without_lines", "without_repeated_faces",
+    "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count", "unit", "with_part_moved", "without_lines",
+    "without_repeated_faces",
 ]  # fmt: skip

@@ -1,11 +1,12 @@
 """Detection and removal of invalid vertices and faces."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.compute.arrays import all_in_rows, any_in_rows
+from cascadenorm.compute.arrays import Bools, Vectors, all_in_rows, any_in_rows
 from cascadenorm.errors import MeshError
 from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
@@ -46,6 +47,17 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
 def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:
     """Return the submesh of some faces, and the numbers of its vertices in the mesh, (k,)."""
     return compacted(mesh.vertices, mesh.faces[faces])
+
+
+def with_part_moved(mesh: Mesh, faces: Bools, moved: Callable[[Mesh], Vectors]) -> Vectors:
+    """Return the vertices of a mesh, (n, 3), of which a function moves those of the given faces, whole components."""
+    if faces.all():
+        return moved(mesh)
+    vertices = mesh.vertices.copy()
+    if faces.any():
+        part, numbers = part_of(mesh, faces)
+        vertices[numbers] = moved(part)
+    return vertices
 
 
 def compacted(vertices: NDArray[Any], faces: NDArray[np.int32]) -> tuple[Mesh, NDArray[np.int32]]:
