@@ -3,6 +3,7 @@
 On the copies, the errors are only a few edges wide.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,11 +12,14 @@ from cascadenorm.baselines.bilateral_normal import bilateral_normal
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.coarse_copy import CoarseCopy, coarse_copy
 from cascadenorm.mesh import Floats, Mesh, Vectors
+from cascadenorm.mesh.averages import averaged
 
 SHARES = 0.6, 0.525, 0.675
 """Edge lengths of the copies, relative to the width of the error. The clusters of each copy are located differently,
 so the facets of a copy, and steps that it mistakes for shape, contribute only a third to the mean."""
 FINISHING_PASSES = 10  # passes of the bilateral filter at the end, which smooths the facets of the copies
+FOLDED_COSINE = math.cos(math.radians(95))  # between the normals of adjacent faces; few shapes have sharper edges
+UNFOLDING_ROUNDS = 20
 
 
 def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy], Vectors]) -> Vectors:
@@ -31,7 +35,30 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
         copy = coarse_copy(mesh, SHARES[number] * width)
         sums += mesh.vertices if copy is None else copy.carried_over(mesh.vertices, denoise(copy))
     carried = np.where(mesh.topology.used_vertices[:, None], sums / len(SHARES), mesh.vertices)
-    return bilateral_normal(mesh.moved(carried), iterations=FINISHING_PASSES)
+    return unfolded(mesh.moved(bilateral_normal(mesh.moved(carried), iterations=FINISHING_PASSES)))
+
+
+def unfolded(mesh: Mesh) -> Vectors:
+    """Move the vertices at folded edges to the mean of their neighbours until no edge is folded, for a few rounds.
+
+    Where steps are closer to each other than the edges of a copy, all of their vertices are carried over from the same
+    place. Vertices on the boundary do not move.
+
+    Returns
+    -------
+    (n, 3) vertices.
+    """
+    topology = mesh.topology
+    for _ in range(UNFOLDING_ROUNDS):
+        one, other = mesh.face_normals[topology.face_pairs].swapaxes(0, 1)
+        folded = np.zeros(len(mesh.vertices), bool)
+        folded[mesh.faces[topology.face_pairs[np.einsum("ij,ij->i", one, other) < FOLDED_COSINE]]] = True
+        folded &= ~topology.boundary_vertices
+        if not folded.any():
+            break
+        means = averaged(mesh.vertices, topology.vertex_neighbors, 1)
+        mesh = mesh.moved(np.where(folded[:, None], means, mesh.vertices))
+    return mesh.vertices
 
 
 def without_steps(

@@ -7,7 +7,7 @@ from shapes import grid, icosphere, mean_angle, noisy
 from skimage.measure import marching_cubes
 
 import cascadenorm as cn
-from cascadenorm.baselines.wide_errors import without_wide_errors
+from cascadenorm.baselines.wide_errors import unfolded, without_wide_errors
 from cascadenorm.mesh import Mesh, unit
 
 TILT = Rotation.from_euler("xyz", [20, 35, 10], degrees=True).as_matrix()
@@ -69,6 +69,30 @@ def test_edges_of_a_part_stay_sharp():
     flat = np.degrees(np.arccos(np.clip(cosines, -1, 1))) < 15
     assert out.areas[flat].sum() > 0.8 * out.area  # a box rounded by the width of the steps has half of it
     assert np.abs(box(out.vertices)).mean() < 0.5 * np.abs(box(stepped.vertices)).mean()
+
+
+def folds(mesh: Mesh, degrees: float) -> int:
+    """Number of edges at which the surface turns by more than an angle."""
+    one, other = mesh.face_normals[mesh.topology.face_pairs].swapaxes(0, 1)
+    return int(((one * other).sum(axis=1) < np.cos(np.radians(degrees))).sum())
+
+
+def test_no_edge_is_folded():
+    stepped = terraces(box, 20, 3)
+    assert folds(stepped, 95) == 0
+    assert folds(cn.denoise(stepped, remove_detail="6 edges"), 95) == 0
+
+
+def test_an_unfolded_mesh_keeps_its_other_vertices():
+    mesh = icosphere(4)
+    neighbor = mesh.topology.vertex_neighbors.row(500)[0]
+    crossed = mesh.vertices.copy()
+    crossed[500] += 2 * (crossed[neighbor] - crossed[500])
+    assert folds(mesh.moved(crossed), 95) > 0
+    out = mesh.moved(unfolded(mesh.moved(crossed)))
+    assert folds(out, 95) == 0
+    moved = np.linalg.norm(mesh.vertices - mesh.vertices[500], axis=1)[(out.vertices != crossed).any(axis=1)]
+    assert moved.max() < 4 * mesh.mean_edge_length
 
 
 def test_steps_of_an_enlarged_mask_need_no_option():
