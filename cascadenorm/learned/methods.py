@@ -40,9 +40,8 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 
     The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
     two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
-    For each connected component, a gate chooses between them from the triangulation. A bilateral filter then runs once
-    over the measured surfaces, and near their boundaries three times, averaged with the normals of fitted quadrics,
-    unless `treat_as` is `unknown`.
+    For each connected component, a gate chooses between them from the triangulation. Measured surfaces are then filtered
+    bilaterally, and their boundaries also fitted by quadrics, unless `treat_as` is `unknown`.
 
     Formula
     -------
@@ -67,7 +66,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     del start
     measured = network.measured[mesh.topology.face_components] if isinstance(network, ChosenNetworks) else None
     if measured is not None and treat_as != "unknown":
-        vertices = with_filtered_surfaces(mesh.moved(vertices), measured)
+        vertices = with_filtered_surfaces(mesh, vertices, measured)
     vertices = without_drift(mesh, vertices)
     free_derived(mesh)
     return safeguarded(mesh, vertices, measured)

@@ -1,38 +1,47 @@
-"""Filter measured surfaces bilaterally after the cascade, with more passes and fitted quadrics near boundaries."""
+"""Filter measured surfaces after the cascade, and fit quadrics at their boundaries."""
 
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.baselines.bilateral_normal import bilateral_normals
+from cascadenorm.baselines.bilateral_normal import bilateral_normal, bilateral_normals
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.fairing import grown
 from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.quadrics import quadric_normals
-from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit, with_part_moved
+from cascadenorm.learned.noise_evidence import turning_angles
+from cascadenorm.mesh import Bools, Mesh, Vectors, face_area_vectors, part_of, row_lengths, unit, with_part_moved
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
-"""Settings of the bilateral filter, named as in the method `bilateral-normal`."""
-BOUNDARY_RINGS = 1
-"""Number of rings of vertices around the boundary whose faces count as near it, which gives two rings of faces."""
-BOUNDARY_PASSES = 3
-"""Number of passes over the faces near the boundary."""
+"""Settings of the bilateral filter of the result, named as in the method `bilateral-normal`."""
+SCAN_PASSES, SCAN_SHARE = 3, 0.6
+"""Passes of `bilateral-normal` over the input of sheets with little noise, and the share of its normals."""
+LITTLE_TURNED = np.radians(8.0)
+"""Mean angle by which the network turns the faces of a component, below which the component has little noise."""
+HARDLY_TURNED = np.radians((2.0, 5.0))
+"""Mean angles between which the filter of a component takes effect."""
+LEAST_FACING = 0.4
+"""Least ratio of the mean area vector of a sheet to its area; a hemisphere has 0.5."""
 QUADRIC_SHARES = 0.7, 0.3
 """Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
 
 
-def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
+def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Vectors:
     """Return the vertices after a bilateral filter of the measured surfaces.
 
-    The network leaves some noise there, since its training data contain detail of the same size. One pass removes most
-    of it. Errors of scanners are larger near the boundary of a view, where the filter runs BOUNDARY_PASSES times and
-    normals of fitted quadrics take part. A filter alone would flatten the surface, which often curves away there.
+    The network leaves some noise there, since its training data contain detail of the same size. One pass over its
+    result removes most of it. On sheets with little noise, as from laser scanners, such a pass removes detail. There,
+    the normals of the result are averaged with those of the input after `bilateral-normal`, whose errors differ from
+    those of the network. Errors of scanners are larger at the boundary of a view, where normals of fitted quadrics take
+    part. A filter alone would flatten the surface, which often curves away there. Components that the network hardly
+    turns are not filtered.
 
     Parameters
     ----------
     mesh
-        Mesh with n vertices and m faces.
+        Input mesh with n vertices and m faces.
+    vertices
+        (n, 3) vertices after the cascade.
     measured
         (m,) faces of measured surfaces, whole components.
 
@@ -40,32 +49,46 @@ def with_filtered_surfaces(mesh: Mesh, measured: Bools) -> Vectors:
     -------
     (n, 3) vertices.
     """
-    return with_part_moved(mesh, measured, _filtered)
+    if not measured.any():
+        return vertices
+    denoised, components = mesh.moved(vertices), mesh.topology.face_components
+    counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
+    turned = np.bincount(components, turning_angles(mesh, denoised.face_normals), len(counts)) / np.maximum(counts, 1)
+    sheets = measured & _seen_from_one_side(mesh) & (turned < LITTLE_TURNED)[components]
+    filtered = with_part_moved(denoised, measured & ~sheets, _filtered)
+    if sheets.any():
+        noisy = mesh if sheets.all() else part_of(mesh, sheets)[0]
+        filtered = with_part_moved(mesh.moved(filtered), sheets, partial(_averaged, noisy))
+    share = np.interp(turned, HARDLY_TURNED, (0, 1))[mesh.topology.components, None]
+    return vertices + share * (filtered - vertices)
+
+
+def _seen_from_one_side(mesh: Mesh) -> Bools:
+    """Return the faces, (m,), of components whose mean area vector is larger than LEAST_FACING of the area."""
+    components, vectors = mesh.topology.face_components, face_area_vectors(mesh.vertices, mesh.faces)
+    facing = np.stack([np.bincount(components, along) for along in vectors.T], axis=1)
+    areas = np.bincount(components, row_lengths(vectors))
+    return np.asarray((row_lengths(facing) > LEAST_FACING * areas)[components])
 
 
 def _filtered(mesh: Mesh) -> Vectors:
-    """Return the vertices, (n, 3), after a bilateral filter that differs near the boundary."""
-    normals = _normals(mesh, passes=1)
+    """Return the vertices, (n, 3), after one pass over the result of the network."""
+    one_pass = partial(bilateral_normals, sigma_s=SIGMA_S, sigma_r=SIGMA_R, iterations=1)
+    return _recovered(mesh, normals_by_patches(mesh, one_pass, receptive_field=1))
+
+
+def _averaged(noisy: Mesh, mesh: Mesh) -> Vectors:
+    """Return the vertices, (n, 3), for the mean of the normals of the network and of the filtered input."""
+    filtered = noisy.moved(bilateral_normal(noisy, iterations=SCAN_PASSES))
+    return _recovered(mesh, unit((1 - SCAN_SHARE) * mesh.face_normals + SCAN_SHARE * filtered.face_normals))
+
+
+def _recovered(mesh: Mesh, normals: Vectors) -> Vectors:
+    """Return the vertices, (n, 3), for normals that are averaged with those of quadrics at the boundary."""
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
-        at, near, around = (
-            np.flatnonzero(grown(mesh, boundary, rings=rings)[mesh.faces].any(axis=1))
-            for rings in (0, BOUNDARY_RINGS, BOUNDARY_RINGS + BOUNDARY_PASSES)
-        )
-        part = part_of(mesh, around)[0].with_facts(mean_edge_length=mesh.mean_edge_length)
-        normals[near] = _normals(part, passes=BOUNDARY_PASSES)[np.searchsorted(around, near)]
-        normals = _with_quadrics(mesh, normals, at, np.setdiff1d(near, at))
+        at, near = (np.flatnonzero(grown(mesh, boundary, rings=rings)[mesh.faces].any(axis=1)) for rings in (0, 1))
+        given = normals.copy()
+        for share, faces in zip(QUADRIC_SHARES, (at, np.setdiff1d(near, at)), strict=True):
+            normals[faces] = unit((1 - share) * given[faces] + share * quadric_normals(mesh, given, faces))
     return recover_vertices(mesh, normals, sweeps=SWEEPS)
-
-
-def _with_quadrics(mesh: Mesh, normals: Vectors, at: NDArray[np.intp], beside: NDArray[np.intp]) -> Vectors:
-    """Return (m, 3) normals averaged with those of quadrics, at faces on the boundary and at those beside them."""
-    averaged = normals.copy()
-    for share, faces in zip(QUADRIC_SHARES, (at, beside), strict=True):
-        averaged[faces] = unit((1 - share) * normals[faces] + share * quadric_normals(mesh, normals, faces))
-    return averaged
-
-
-def _normals(mesh: Mesh, *, passes: int) -> Vectors:
-    filtered = partial(bilateral_normals, sigma_s=SIGMA_S, sigma_r=SIGMA_R, iterations=passes)
-    return normals_by_patches(mesh, filtered, receptive_field=passes)
