@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike, fspath
 from typing import Any, NamedTuple
 
@@ -96,22 +97,23 @@ class ChosenNetworks(NamedTuple):
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
         measured = self.measured[mesh.topology.face_components]
         if measured.any():
-            mesh = mesh.moved(with_part_moved(mesh, measured, self.surface.vertices))
-        return with_part_moved(mesh, ~measured, self._shape_vertices)
+            mesh = mesh.moved(with_part_moved(mesh, measured, partial(_denoised, self.surface)))
+        return with_part_moved(mesh, ~measured, partial(_denoised, self.vertex))
 
-    def _shape_vertices(self, mesh: Mesh) -> Vectors:
-        """Return the denoised vertices of a mesh without measured surfaces, as far as there is evidence for noise.
 
-        The later stages skip components without evidence.
-        """
-        topology = mesh.topology
-        known = [stage_normals(self.vertex.stages[0], mesh, mesh)]  # released after the first stage
-        evidence = noise_evidence(mesh, turning_angles(mesh, known[0]))
-        noisy = np.isin(topology.face_components, topology.components[evidence > 0])
-        if not noisy.all():
-            known = [known[0][noisy]]
-        denoised = with_part_moved(mesh, noisy, lambda part: self.vertex.vertices(part, known))
-        return evidence[:, None] * denoised + (1 - evidence[:, None]) * mesh.vertices
+def _denoised(network: Cascade, mesh: Mesh) -> Vectors:
+    """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
+
+    The later stages skip components without evidence.
+    """
+    topology = mesh.topology
+    known = [stage_normals(network.stages[0], mesh, mesh)]  # released after the first stage
+    evidence = noise_evidence(mesh, turning_angles(mesh, known[0]))
+    noisy = np.isin(topology.face_components, topology.components[evidence > 0])
+    if not noisy.all():
+        known = [known[0][noisy]]
+    denoised = with_part_moved(mesh, noisy, lambda part: network.vertices(part, known))
+    return evidence[:, None] * denoised + (1 - evidence[:, None]) * mesh.vertices
 
 
 def _under(tensors: Arrays, part: str) -> Arrays:

@@ -18,7 +18,7 @@ SCAN_PASSES, SCAN_SHARE = 3, 0.6
 """Passes of `bilateral-normal` over the input of sheets with little noise, and the share of its normals."""
 LITTLE_TURNED = np.radians(8.0)
 """Mean angle by which the network turns the faces of a component, below which the component has little noise."""
-HARDLY_TURNED = np.radians((2.0, 5.0))
+HARDLY_TURNED = np.radians((3.0, 5.0))
 """Mean angles between which the filter of a component takes effect."""
 LEAST_FACING = 0.4
 """Least ratio of the mean area vector of a sheet to its area; a hemisphere has 0.5."""

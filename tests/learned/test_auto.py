@@ -49,6 +49,13 @@ def test_a_grey_and_a_binary_surface_in_one_mesh_are_both_denoised():
         assert angle_to_ball(after, 21.5 - 0.13) < 0.4 * angle_to_ball(part, 21.5 - 0.13)
 
 
+@pytest.mark.parametrize("radius", [24.0, 27.5])
+def test_a_clean_level_of_a_volume_stays(radius):
+    ball = volume_surface(0.5 + radius - np.linalg.norm(nodes(60), axis=-1))
+    assert mesh_treatment(ball).treatment == "measured-surface"
+    assert mean_angle(cn.denoise(ball), ball) < 0.1
+
+
 @pytest.mark.parametrize("family", ["decimated", "low_poly", "subdivided", "structured", "cad_tessellation"])
 def test_clean_meshes_of_programs_stay(family):
     config = DatasetConfig(
