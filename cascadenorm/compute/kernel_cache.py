@@ -17,6 +17,7 @@ from llvmlite.binding import ModuleRef, add_symbol, parse_assembly, parse_bitcod
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.runtime._nrt_python import c_helpers
 
+from cascadenorm.compute import shipped_kernels
 from cascadenorm.compute.shipped_kernels import kernel_digest, shipped_file
 
 
@@ -112,6 +113,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(*arguments)
 
     def _shipped(self, signature: Any, context: Any) -> Any:
+        if not shipped_kernels.KERNELS_FOLDER.is_dir():
+            return None
         path = shipped_file(self._py_func, signature, context.codegen().magic_tuple())
         with suppress(Exception):  # the file is missing or damaged
             return path and self._impl.rebuild(context, pickle.loads(path.read_bytes()))
