@@ -1,11 +1,10 @@
 """Measure free memory and estimate the memory that work needs."""
 
-import ctypes
 import math
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,22 +18,10 @@ OTHER_FACE_BYTES = 500
 """Minimum number of bytes per face that other methods need, including the file."""
 USABLE_FRACTION = 0.8
 """Fraction of the free memory that is used by default."""
-RETURNED_BYTES = 16_000_000
-"""Bytes of freed arrays from which memory is returned to the system, which takes about a millisecond."""
 
 _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _MEMINFO, _GROUP, _GROUPS = Path("/proc/meminfo"), Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
-
-
-def return_freed_memory(size: int) -> None:
-    """Return freed memory to the system if the arrays freed last had at least RETURNED_BYTES.
-
-    glibc keeps most arrays below 32 MiB for later ones, but between arrays that are in use they fit few others.
-    """
-    if size >= RETURNED_BYTES:
-        with suppress(AttributeError, OSError, TypeError):  # other systems
-            ctypes.CDLL(None).malloc_trim(0)
 
 
 @dataclass

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import logf
-from cascadenorm.execution.memory import return_freed_memory
+from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.mesh import (
     Bools,

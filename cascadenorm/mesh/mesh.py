@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm import display
 from cascadenorm.compute.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
 from cascadenorm.compute.csr import Csr, grouped
+from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
 from cascadenorm.errors import MeshError, counted
-from cascadenorm.execution.memory import return_freed_memory
 from cascadenorm.mesh.topology import Topology
 from cascadenorm.mesh.vectors import area_vector, row, squared_distance
 
