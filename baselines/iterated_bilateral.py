@@ -54,6 +54,7 @@ def iterated_bilateral_normals(
     after = np.empty_like(normals)
     out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
     out[:, 0] = mesh.face_normals
+    mesh.forget_geometry()  # the passes need memory, and these arrays are computed quickly
     for done in track(passes[-1]):
         parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals

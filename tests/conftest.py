@@ -12,7 +12,10 @@ import hypothesis
 import pytest
 from studios import Studio
 
+from cascadenorm.compute import threads
 from cascadenorm.io.interop import save_mesh
+
+threads.SMALLEST_CHUNK = 256  # kernels run on several threads even for the small meshes of tests
 
 # tests of one folder may use what those of another make, and the benchmarks of the checkout
 sys.path += [str(folder) for folder in sorted(Path(__file__).parent.iterdir()) if folder.is_dir()]

@@ -8,15 +8,29 @@ import pickle
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from hashlib import sha256
 from pickle import UnpicklingError
-from typing import Any
+from typing import Any, NamedTuple
 
+from llvmlite.binding import ModuleRef, add_symbol, parse_assembly, parse_bitcode
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
-from numba.core.runtime.nrt import rtsys
+from numba.core.runtime._nrt_python import c_helpers
 
+from cascadenorm.compute import shipped_kernels
 from cascadenorm.compute.shipped_kernels import kernel_digest, shipped_file
+
+
+@cache
+def _link_runtime() -> None:
+    """Make the C functions of numba's runtime known to machine code, which holds the compiled functions it needs."""
+    for name, address in c_helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+@cache
+def _empty_bitcode() -> bytes:
+    return bytes(parse_assembly("").as_bitcode())
 
 
 def _readable(place: type[Any]) -> type[Any]:
@@ -30,6 +44,16 @@ def _readable(place: type[Any]) -> type[Any]:
     return Readable
 
 
+class Bitcode(NamedTuple):
+    """Bitcode of a cached kernel, parsed only when numba compiles a function that calls the kernel."""
+
+    content: bytes
+
+    def clone(self) -> ModuleRef:
+        """Return the module to link."""
+        return parse_bitcode(self.content)
+
+
 class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
     """Folder for kernels: the first writable one, or a readable one if none is writable, as in a container."""
 
@@ -38,27 +62,48 @@ class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
         *map(_readable, CompileResultCacheImpl._locator_classes),
     )
 
+    def reduce(self, compiled: Any) -> Any:
+        """Leave out environments without constants, of which numba would only import the modules."""
+        *content, environments = super().reduce(compiled)
+        return (*content, tuple(one for one in environments if one.consts))
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Load the machine code of a kernel. numba would also parse its bitcode, which takes longer."""
+        (name, kind, (code, bitcode)), function, *others = payload
+        target_context.codegen()._engine._defined_symbols.add(function.llvm_cpython_wrapper_name)
+        loaded = super().rebuild(target_context, ((name, kind, (code, _empty_bitcode())), function, *others))
+        loaded.library._shared_module = Bitcode(bitcode)
+        return loaded
+
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """Compiled overloads of a function on disk: those shipped with the package, then those compiled locally.
 
-    Errors are ignored: if the disk is full or fails, or numba is incompatible, nothing is cached.
+    The folder is searched for when the kernel is first called. Errors are ignored: if the disk is full or fails, or
+    numba is incompatible, nothing is cached.
     """
 
     _impl_class = KernelPlaces
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        digest = partial(kernel_digest, function.__module__)
+        self._py_func = function
+
+    def _open(self) -> None:
+        """Search for the folder."""
+        super().__init__(self._py_func)
+        digest = partial(kernel_digest, self._py_func.__module__)
         self._cache_file = KernelFiles(self._cache_path, self._impl.filename_base, digest)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the compiled overload for a signature, or None.
 
-        It needs numba's runtime (NRT), but not the definitions that numba compiles from, which are slow to load.
+        It needs the C functions of numba's runtime (NRT), but not the definitions that numba compiles from, which are
+        slow to load.
         """
         with suppress(Exception):
-            rtsys.initialize(context)
+            _link_runtime()
+            if not hasattr(self, "_cache_file"):
+                self._open()
             shipped = self._shipped(signature, context)
             return self._load_overload(signature, context) if shipped is None else shipped
 
@@ -68,12 +113,15 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             super().save_overload(*arguments)
 
     def _shipped(self, signature: Any, context: Any) -> Any:
+        if not shipped_kernels.KERNELS_FOLDER.is_dir():
+            return None
         path = shipped_file(self._py_func, signature, context.codegen().magic_tuple())
         with suppress(Exception):  # the file is missing or damaged
             return path and self._impl.rebuild(context, pickle.loads(path.read_bytes()))
 
     def ship(self) -> None:
         """Copy the locally compiled overloads to the folder of shipped kernels."""
+        self._open()
         for (signature, target, _), name in self._cache_file._load_index().items():
             path = shipped_file(self._py_func, signature, target)
             assert path is not None, f"kernels are not shipped for {target}"

@@ -21,8 +21,8 @@ from cascadenorm.compute.thread_pool import on_threads
 
 BLOCK = 1024  # rows; with about a hundred numbers each they fit into the L2 cache
 CHUNKS_PER_THREAD = 4  # balances ranges of unequal cost
-SMALLEST_CHUNK = 512
-SUMS = 32  # blocks with partial sums, used if each block has many more terms than sums
+SMALLEST_CHUNK = 4096  # indices, on which most kernels spend less than a thread needs to start and stop
+SUMS, FEWEST_TERMS = 32, 512  # blocks with partial sums, used if each block has many terms, and many more than sums
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
 
@@ -102,21 +102,21 @@ def _pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest: int = SMALLEST_CHUNK) -> list[Any]:
+def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest: int | None = None) -> list[Any]:
     """Call run(start, stop, *arguments) in parallel on ranges that cover 0 … count.
 
-    Each range except the last has at least `smallest` indices.
+    The ranges have about the same size, at least `smallest`, or SMALLEST_CHUNK, unless the count is less.
 
     Returns
     -------
     Results of the calls, in the order of the ranges.
     """
     threads = thread_count()
-    if count and (threads == 1 or count <= smallest):  # avoids the overhead of scheduling
+    most = threads * CHUNKS_PER_THREAD if threads > 1 else 1
+    chunks = min(count, max(count // (smallest or SMALLEST_CHUNK), 1), most)
+    if chunks == 1:  # avoids the overhead of scheduling
         return [run(0, count, *arguments)]
-    chunk = max(smallest, -(-count // (threads * CHUNKS_PER_THREAD)))
-    starts = range(0, count, chunk)
-    return on_threads(threads, len(starts), lambda i: run(starts[i], min(starts[i] + chunk, count), *arguments))
+    return on_threads(threads, chunks, lambda i: run(i * count // chunks, (i + 1) * count // chunks, *arguments))
 
 
 def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[Any]:
@@ -160,7 +160,7 @@ def sums_in_blocks(
     Each block adds to its own array of the given shape, initially zero. The blocks do not depend on the number of
     threads. A single block is used if the terms are few, or not many more than the sums.
     """
-    blocks = SUMS if count >= SUMS * max(SMALLEST_CHUNK, 4 * math.prod(shape)) else 1
+    blocks = SUMS if count >= SUMS * max(FEWEST_TERMS, 4 * math.prod(shape)) else 1
     sums = np.zeros((blocks, *shape))
     starts = [i * count // blocks for i in range(blocks + 1)]
     on_threads(thread_count(), blocks, lambda i: add(starts[i], starts[i + 1], sums[i]))

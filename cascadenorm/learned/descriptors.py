@@ -107,6 +107,7 @@ def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, times:
 def _iterated(passes: tuple[int, ...]) -> Descriptor:
     def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes, out=out)
+        mesh.topology.forget_adjacent_faces()  # later filters need memory, but not these relations
 
     return Descriptor(1 + len(ITERATED_SIGMA_R) * len(passes), fill, passes[-1])
 

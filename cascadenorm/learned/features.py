@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import logf
+from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.mesh import (
     Bools,
@@ -75,7 +76,9 @@ class FeatureScaler:
         components = self._principal(stack)
         sums = sums or component_sums(components, mesh)
         means = averaged_around(components, mesh.topology.vertex_faces)
-        del components  # about 100 bytes per face
+        freed = components.nbytes
+        del components
+        return_freed_memory(freed)
         return context_features(means, mesh, sums)
 
     def sums(self, stack: Stack, mesh: Mesh, among: Bools) -> "ComponentSums":
@@ -228,10 +231,10 @@ def context_features(means: Array, mesh: Mesh, sums: ComponentSums) -> Context:
     The averages after 0, 1, 3 and 7 rounds, in each of which a vertex takes the mean of itself and its neighbours, and
     the means and the openness of the components, (c, p + 1).
     """
-    kept = [means]
-    spare = np.empty_like(kept[0])  # reuse memory, since allocation dominates
-    for rounds in np.diff(CONTEXT_STEPS).tolist():
-        kept.append(averaged(kept[-1], mesh.topology.vertex_neighbors, rounds, spare=spare))
+    kept, (none, few, *more) = [means], CONTEXT_STEPS
+    for rounds in np.diff([none, *more]).tolist():
+        kept.append(averaged(kept[-1], mesh.topology.vertex_neighbors, rounds))
+    kept.insert(1, averaged(means, mesh.topology.vertex_neighbors, few))  # at the end: one round needs no work array
     whole = np.concatenate([component_means(sums), openness(sums)[:, None]], axis=1, dtype=np.float32)
     return Context(mesh.faces, tuple(kept), mesh.topology.face_components, whole)
 

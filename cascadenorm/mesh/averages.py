@@ -9,14 +9,10 @@ from cascadenorm.mesh import Csr, Floats, Floats32, kernel, parallel_for
 Values = TypeVar("Values", Floats, Floats32)
 
 
-def averaged(values: Values, neighbors: Csr, passes: int, *, spare: Values | None = None) -> Values:
-    """Replace each value, (n,), or row, (n, p), by the mean over itself and its neighbours, at least once.
-
-    `spare` is a work array with the shape and type of the values, which is overwritten; None allocates one.
-    """
+def averaged(values: Values, neighbors: Csr, passes: int) -> Values:
+    """Replace each value, (n,), or row, (n, p), by the mean over itself and its neighbours, at least once."""
     run = _mean_range if values.ndim == 2 else _mean_number_range
-    out = np.empty_like(values)
-    between = np.empty_like(values) if spare is None else spare
+    out, between = np.empty_like(values), np.empty_like(values)
     for left in range(passes, 0, -1):
         after = out if left % 2 else between
         parallel_for(len(values), run, values, neighbors, after)

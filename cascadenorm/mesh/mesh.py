@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm import display
 from cascadenorm.compute.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
 from cascadenorm.compute.csr import Csr, grouped
+from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
 from cascadenorm.errors import MeshError, counted
@@ -71,9 +72,13 @@ class Mesh:
 
     def forget_geometry(self) -> None:
         """Free the cached arrays that depend on positions, but neither single numbers nor the topology."""
+        freed = 0
         for name in self.__dict__.keys() - {"vertices", "faces"}:
-            if isinstance(self.__dict__.get(name), np.ndarray):
-                self.__dict__.pop(name, None)
+            if isinstance(array := self.__dict__.get(name), np.ndarray):
+                self.__dict__.pop(name, None)  # another thread may have freed it
+                freed += array.nbytes
+        del array
+        return_freed_memory(freed)
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
         """Return the mesh as a part of a larger one.

@@ -310,3 +310,21 @@ def test_closed_streams_are_no_error(place):
 def test_exit_codes_leave_the_process(place):
     done = command("denoise", "absent.ply")
     assert done.returncode == 3 and done.stdout == b"" and done.stderr.count(b"\n") == 1
+
+
+COLLECTIONS = """
+import gc, sys
+from cascadenorm.__main__ import main
+started = []
+gc.callbacks.append(lambda phase, _: started.append(phase))
+sys.argv = ["cascadenorm", "methods"]  # which loads all libraries, and compiles nothing
+try:
+    main()
+except SystemExit as end:
+    print(end.code, len(started), file=sys.stderr)
+"""
+
+
+def test_python_does_not_search_for_garbage_while_libraries_load():
+    done = subprocess.run([sys.executable, "-c", COLLECTIONS], capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1] == "0 0"

@@ -89,6 +89,18 @@ def test_a_change_to_a_kernel_that_it_calls_compiles_it_anew(tmp_path):
     assert run_twice(tmp_path).split("\n") == [tripled + "1", tripled + "2", ""]
 
 
+def test_a_kernel_that_was_kept_on_disk_is_compiled_into_another(tmp_path):
+    (tmp_path / "helper.py").write_text(
+        "from cascadenorm.compute.kernels import kernel\n\n@kernel\ndef amount(of):\n    return of.sum() + 2.0\n"
+    )
+    hits = "from helper import amount\n" + TWICE + "print(amount(np.zeros(1)), sum(amount.stats.cache_hits.values()))\n"
+    (tmp_path / "module.py").write_text(hits)
+    assert run_twice(tmp_path).split("\n")[-2:] == ["2.0 0", ""]
+    (tmp_path / "module.py").write_text(hits.replace("*= 2", "*= amount(np.zeros(1))"))
+    multiplied = "[0.0, 2.0, 4.0, 3.0] 0"
+    assert run_twice(tmp_path).split("\n") == [multiplied, multiplied, "2.0 1", ""]
+
+
 def test_kernels_are_read_where_nothing_can_be_written(tmp_path):
     locked = """
 import os, tempfile
