@@ -170,6 +170,7 @@ def _shade(
 @kernel
 def _between(values: Floats, f: Index, a: float, b: float, c: float) -> float:
     """Return the value of a triangle, or interpolate those at its corners."""
-    if values.shape[1] == 1:
-        return values[f, 0]
-    return a * values[f, 0] + b * values[f, 1] + c * values[f, 2]
+    value: float = values[f, 0]
+    if values.shape[1] > 1:
+        value = a * values[f, 0] + b * values[f, 1] + c * values[f, 2]
+    return value
