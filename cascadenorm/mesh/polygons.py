@@ -16,7 +16,7 @@ from cascadenorm.mesh import (
     repeats_vertex,
     scatter_add,
 )
-from cascadenorm.mesh.vectors import area_vector, divided, length, row
+from cascadenorm.mesh.vectors import Three, Vector, area_vector, divided, length, row
 
 MOST_APEXES = 64  # corners tried for a fan without folded triangles
 MOST_CORNERS = 20_000  # largest number of corners of a polygon that is triangulated; the time grows quadratically
@@ -165,12 +165,16 @@ def _unit_normal_range(
     start: int, stop: int, positions: NDArray[Any], triangles: Ints, largest: float, out: Floats32
 ) -> None:
     for f in range(start, stop):
-        a = divided(row(positions, triangles[f, 0]), largest)
-        b = divided(row(positions, triangles[f, 1]), largest)
-        c = divided(row(positions, triangles[f, 2]), largest)
-        normal = area_vector(a, b, c)
-        size = length(normal)
-        out[f, 0], out[f, 1], out[f, 2] = divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)
+        a, b, c = row(positions, triangles[f, 0]), row(positions, triangles[f, 1]), row(positions, triangles[f, 2])
+        out[f, 0], out[f, 1], out[f, 2] = unit_normal(a, b, c, largest)
+
+
+@kernel
+def unit_normal(a: Three, b: Three, c: Three, largest: float) -> Vector:
+    """Return the unit normal of a triangle as `unit_normals` does."""
+    normal = area_vector(divided(a, largest), divided(b, largest), divided(c, largest))
+    size = length(normal)
+    return divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)
 
 
 def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
