@@ -42,7 +42,7 @@ class StlFile(MeshFile):
                     f"{max(len(data) - HEADER, 0) // RECORD.itemsize}: it is truncated, or not an STL file"
                 )
             self._records = np.frombuffer(data, RECORD, count, HEADER)
-            positions: NDArray[Any] = self._records["corners"].reshape(-1, 3).astype(np.float32)
+            positions: NDArray[Any] = self._records["corners"].astype(np.float32).reshape(-1, 3)
         else:
             self._facets, vertices = _facets(self._text)
             self._words = self._text.columns(vertices, 3)

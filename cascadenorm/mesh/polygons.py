@@ -137,7 +137,9 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
 def near_one(positions: NDArray[Any]) -> NDArray[np.float64]:
     """Return the positions divided by the largest coordinate."""
     with np.errstate(invalid="ignore"):  # triangles with non-finite corners stay non-finite
-        return np.asarray(np.divide(positions, largest_coordinate(positions), dtype=np.float64))
+        scaled = np.array(positions, np.float64, order="C")
+        scaled /= largest_coordinate(positions)
+    return scaled
 
 
 def largest_coordinate(positions: NDArray[Any]) -> float:
