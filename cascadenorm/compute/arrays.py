@@ -74,6 +74,13 @@ def row_distances(points: Vectors, pairs: Ints32) -> Floats:
     return out
 
 
+def pair_products(vectors: Vectors, pairs: Ints32) -> Floats:
+    """Return the (k,) dot products of the vectors of each pair, (k, 2)."""
+    out = np.empty(len(pairs))
+    parallel_for(len(out), _product_range, vectors, pairs, out)
+    return out
+
+
 def angles_between(ours: Vectors, theirs: Vectors, *, undefined: float | None = None) -> Floats:
     """Return the angles in radians between corresponding unit rows, accurate at any angle.
 
@@ -146,6 +153,13 @@ def _distance_range(start: int, stop: int, points: Vectors, pairs: Ints32, out: 
         p, q = pairs[i]
         x, y, z = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1], points[q, 2] - points[p, 2]
         out[i] = np.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _product_range(start: int, stop: int, vectors: Vectors, pairs: Ints32, out: Floats) -> None:
+    for i in range(start, stop):
+        p, q = pairs[i]
+        out[i] = vectors[p, 0] * vectors[q, 0] + vectors[p, 1] * vectors[q, 1] + vectors[p, 2] * vectors[q, 2]
 
 
 @kernel

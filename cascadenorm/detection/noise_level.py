@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, any_in_rows, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
 SAMPLES = 50_000  # edges used, evenly spaced in order
@@ -53,13 +54,12 @@ def local_noise(mesh: Mesh) -> NDArray[np.float64]:
     """
     edges = _inner_edges(mesh)
     squares = np.square(_differences_along(mesh, edges)) if len(edges) else np.empty(0)
-    edges, squares = edges[np.isfinite(squares)], squares[np.isfinite(squares)]
-    count = len(mesh.vertices)
+    known = np.isfinite(squares)
+    edges, squares, count = edges[known], squares[known], len(mesh.vertices)
     total = scatter_add(edges.ravel(), np.repeat(squares, 2), count)
     number = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
-    a, b = mesh.topology.edges.T
-    around, numbers = (x + scatter_add(a, x[b], count) + scatter_add(b, x[a], count) for x in (total, number))
-    variance = np.divide(around, numbers, out=np.full(count, np.nan), where=numbers > 0)
+    total, number = (averaged(values, mesh.topology.vertex_neighbors, 1) for values in (total, number))
+    variance = np.divide(total, number, out=np.full(count, np.nan), where=number > 0)
     return np.asarray(np.sqrt(variance) / mesh.mean_edge_length)
 
 
@@ -74,11 +74,10 @@ def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float
 
 def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
     """Return the interior edges without an end on a boundary or non-manifold edge."""
-    topology = mesh.topology
+    edges, inner = mesh.topology.edges, mesh.topology.edge_faces.counts == 2
     on_border = np.zeros(len(mesh.vertices), bool)
-    on_border[topology.edges[topology.edge_faces.counts != 2]] = True
-    edges = topology.edges[topology.interior_edges]
-    return np.ascontiguousarray(edges[~any_in_rows(on_border[edges])])
+    on_border[edges[~inner]] = True
+    return np.asarray(edges[inner & ~any_in_rows(on_border[edges])])
 
 
 def _clipped_deviation(differences: NDArray[np.float64]) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, lattice_of_mask
-from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, first_of_each, part_of
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, first_of_each, pair_products, part_of
 
 FEWEST_VERTICES = 200  # components with fewer vertices are not examined
 FEWEST_LAYERS = 4  # least number of voxel layers with steps along each axis; a box has two
@@ -123,12 +123,12 @@ def treads(mesh: Mesh) -> Treads | None:
     normals, areas = mesh.face_normals, mesh.areas
     if not mesh.mean_edge_length > 0 or not len(pairs):
         return None
-    joined = np.einsum("ij,ij->i", *normals[pairs.T]) > np.cos(FLAT)
+    joined = pair_products(normals, pairs) > np.cos(FLAT)
     labels = connected_components(pairs[joined], len(mesh.faces))
     tread_areas = np.bincount(labels, weights=areas)
     first = first_of_each(labels)
-    along = np.abs(normals[first] @ normals[first[np.argmax(tread_areas)]]) > 1 - PARALLEL
-    large = along & (np.bincount(labels) >= FEWEST_FACES)
+    large = np.bincount(labels) >= FEWEST_FACES
+    large[large] = np.abs(normals[first[large]] @ normals[first[np.argmax(tread_areas)]]) > 1 - PARALLEL
     if large.sum() < FEWEST_TREADS or tread_areas[large].sum() < SHARE * mesh.area:
         return None
     ends = mesh.topology.edges[mesh.topology.interior_edges[~joined]]

@@ -2,7 +2,7 @@
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -113,6 +113,11 @@ class MeshFile(ABC):
         here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
         here._isolates = self._isolates
         return here._read_content().without_out_of_range()
+
+    @property
+    def vertex_values(self) -> Mapping[str, NDArray[Any]]:
+        """(k,) values of the positions by their names in PLY, as read."""
+        return self._read_content().vertex_values
 
     def face_labels(self) -> list[Labels]:
         """Return the labels of the polygons, such as properties and materials. A kind may occur more than once."""

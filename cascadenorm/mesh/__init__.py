@@ -16,6 +16,7 @@ from cascadenorm.compute.arrays import (
     doubled,
     first_of_each,
     first_places,
+    pair_products,
     row_distances,
     row_lengths,
     scatter_add,
@@ -52,7 +53,7 @@ __all__ = [
     "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "bad_faces", "bad_vertices",
     "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each", "first_places", "frame_of",
     "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads", "one_blas_thread",
-    "ordered_for_cache", "parallel_for", "part_of", "repeats_vertex", "row_distances", "row_lengths", "scale_between",
-    "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count", "unit", "with_part_moved", "without_lines",
-    "without_repeated_faces",
+    "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats_vertex", "row_distances", "row_lengths",
+    "scale_between", "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count", "unit", "with_part_moved",
+    "without_lines", "without_repeated_faces",
 ]  # fmt: skip

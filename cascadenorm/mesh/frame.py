@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Vectors, box_of
+from cascadenorm.compute.arrays import Vectors
 from cascadenorm.mesh.mesh import Mesh
 
 
@@ -21,15 +21,12 @@ class Frame(NamedTuple):
 
     def of(self, mesh: Mesh) -> Mesh:
         """Return the mesh in this frame; vertices without a face are placed at the origin."""
-        used = mesh.topology.used_vertices
-        vertices = mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, self.center)
-        return mesh.moved(self.points(vertices))
+        return mesh.moved(self.points(_with_unused_at(self.center, mesh)))
 
 
 def frame_of(mesh: Mesh) -> Frame:
     """Return the frame of the bounding box of the used vertices."""
-    used = mesh.topology.used_vertices
-    lower, upper = box_of(mesh.vertices if used.all() else mesh.vertices[used])
+    lower, upper = mesh.box
     exponent = int(np.frexp((0.5 * upper - 0.5 * lower).max())[1])  # halved first: 1e308 would overflow
     return Frame(0.5 * upper + 0.5 * lower, exponent)
 
@@ -42,7 +39,7 @@ def in_frame(mesh: Mesh) -> tuple[Mesh, int]:
 
 def scaled_alike(*meshes: Mesh) -> list[Mesh]:
     """Scale meshes by one power of two to a largest coordinate of about 1; unused vertices move to a used one."""
-    largest = max(np.abs(mesh.vertices[mesh.topology.used_vertices]).max() for mesh in meshes)
+    largest = max(np.abs(mesh.box).max() for mesh in meshes)
     exponent = int(np.frexp(largest)[1])
     return [_scaled(mesh, exponent) for mesh in meshes]
 
@@ -56,5 +53,9 @@ def scale_between(mesh: Mesh, scaled: Mesh) -> float:
 
 
 def _scaled(mesh: Mesh, exponent: int) -> Mesh:
-    used = mesh.topology.used_vertices[:, None]
-    return mesh.moved(np.ldexp(np.where(used, mesh.vertices, mesh.vertices[mesh.faces[0, 0]]), -exponent))
+    return mesh.moved(np.ldexp(_with_unused_at(mesh.vertices[mesh.faces[0, 0]], mesh), -exponent))
+
+
+def _with_unused_at(place: Vectors, mesh: Mesh) -> Vectors:
+    used = mesh.topology.used_vertices
+    return mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, place)

@@ -223,9 +223,15 @@ class Mesh:
         return float(np.einsum("ij,ij->", self.centroids - origin, self.area_vectors) / 3)
 
     @cached_property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lower and upper corners, (3,), of the bounding box of the used vertices."""
+        used = self.topology.used_vertices
+        return box_of(self.vertices if used.all() else self.vertices[used])
+
+    @cached_property
     def diagonal(self) -> float:
         """Diagonal of the bounding box of the used vertices; infinite on overflow."""
-        box, exponent = _near_one(np.stack(box_of(self.vertices[self.topology.used_vertices])))
+        box, exponent = _near_one(np.stack(self.box))
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
 
 

@@ -46,6 +46,8 @@ def renewed_normals(
 def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32]) -> NDArray[np.int64]:
     """Return for each normal the first normal with the same value at a copy of the same vertex."""
     groups, owner = np.arange(len(normals.values)), np.full(len(normals.values), UNUSED, np.int32)
+    if normals.corners is triangles and welds[-1] == len(welds) - 1:  # a normal for each position, and none is a copy
+        return groups
     _find_owners(normals.corners, triangles, welds, owner)
     candidates = np.flatnonzero(owner >= 0)
     candidates = candidates[np.bincount(owner[candidates], minlength=1)[owner[candidates]] > 1]

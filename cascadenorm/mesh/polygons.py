@@ -16,7 +16,7 @@ from cascadenorm.mesh import (
     repeats_vertex,
     scatter_add,
 )
-from cascadenorm.mesh.vectors import area_vector, divided, length, row
+from cascadenorm.mesh.vectors import Three, Vector, area_vector, divided, length, row
 
 MOST_APEXES = 64  # corners tried for a fan without folded triangles
 MOST_CORNERS = 20_000  # largest number of corners of a polygon that is triangulated; the time grows quadratically
@@ -137,7 +137,9 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
 def near_one(positions: NDArray[Any]) -> NDArray[np.float64]:
     """Return the positions divided by the largest coordinate."""
     with np.errstate(invalid="ignore"):  # triangles with non-finite corners stay non-finite
-        return np.asarray(np.divide(positions, largest_coordinate(positions), dtype=np.float64))
+        scaled = np.array(positions, np.float64, order="C")
+        scaled /= largest_coordinate(positions)
+    return scaled
 
 
 def largest_coordinate(positions: NDArray[Any]) -> float:
@@ -165,12 +167,16 @@ def _unit_normal_range(
     start: int, stop: int, positions: NDArray[Any], triangles: Ints, largest: float, out: Floats32
 ) -> None:
     for f in range(start, stop):
-        a = divided(row(positions, triangles[f, 0]), largest)
-        b = divided(row(positions, triangles[f, 1]), largest)
-        c = divided(row(positions, triangles[f, 2]), largest)
-        normal = area_vector(a, b, c)
-        size = length(normal)
-        out[f, 0], out[f, 1], out[f, 2] = divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)
+        a, b, c = row(positions, triangles[f, 0]), row(positions, triangles[f, 1]), row(positions, triangles[f, 2])
+        out[f, 0], out[f, 1], out[f, 2] = unit_normal(a, b, c, largest)
+
+
+@kernel
+def unit_normal(a: Three, b: Three, c: Three, largest: float) -> Vector:
+    """Return the unit normal of a triangle as `unit_normals` does."""
+    normal = area_vector(divided(a, largest), divided(b, largest), divided(c, largest))
+    size = length(normal)
+    return divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)
 
 
 def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:

@@ -94,12 +94,21 @@ def _weld_equal(
 
 def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
     """Return the first row equal to each, and whether it equals another, by bits; None if all rows differ."""
-    with np.errstate(invalid="ignore"):  # signalling NaN
-        bits = np.add(rows, 0.0, dtype=np.float64, order="C").view(np.int64)  # -0 becomes 0
+    bits = _bits(rows)
     same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)
     places = np.full(2 << len(rows).bit_length(), -1, np.int32)
     factors = np.array([1 + secrets.randbelow(PRIME - 1) for _ in range(3 * bits.shape[1])])
     return (same, repeated) if _find_equal(bits, factors, places, same, repeated) else None
+
+
+def _bits(rows: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the bits of each row as numbers of eight bytes; two numbers of single precision share one."""
+    per_number = 2 if rows.dtype == np.float32 else 1
+    width = rows.shape[1]
+    padded = np.zeros((len(rows), width + -width % per_number), np.float32 if per_number == 2 else np.float64)
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        np.add(rows, 0.0, out=padded[:, :width])  # -0 becomes 0
+    return padded.view(np.int64)
 
 
 @kernel

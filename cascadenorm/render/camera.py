@@ -147,8 +147,10 @@ def _framed_faces(mesh: Mesh) -> NDArray[np.intp]:
 
 def _points(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.float64]:
     """Return the vertices that the faces reference."""
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces[faces]] = True
+    used = mesh.topology.used_vertices
+    if len(faces) < len(mesh.faces):
+        used = np.zeros(len(mesh.vertices), bool)
+        used[mesh.faces[faces]] = True
     return mesh.vertices[used]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Mesh, all_in_rows, unit
+from cascadenorm.mesh import Mesh, any_in_rows, unit
 from cascadenorm.render.camera import Camera, projected
 from cascadenorm.render.color import COLOR_STEPS, PAPER, HeatMap, Image, color_map, encoded, linear, named_colors
 from cascadenorm.render.raster import Painted, rasterize
@@ -66,14 +66,16 @@ def render(
         view = Camera.looking_at(mesh, direction=view)
     used = mesh.topology.used_vertices[:, None]
     points = view.framed(np.where(used, mesh.vertices, view.center))
-    seen = all_in_rows((points[:, 2] * view.perspective < NEAREST)[mesh.faces])
+    near = points[:, 2] * view.perspective >= NEAREST
     points = projected(points, view.perspective)
     across, _ = view.half_size(size)
     pixels = width / across / 2
     points[:, :2] = (points[:, :2] - view.offset) * (pixels, -pixels) + (width / 2, height / 2)
     palette, places, light = _shaded(mesh, view, colors, values, smooth)
     line = LINE_WIDTH if wireframe else 0.0
-    painted = Painted(points[mesh.faces[seen]], palette, places[seen], light[seen], view.perspective, line)
+    painted = Painted(points, mesh.faces, palette, places, light, view.perspective, line)
+    if near.any():
+        painted = painted.without(any_in_rows(near[mesh.faces]))
     picture = rasterize(painted, width=width, height=height, samples=samples)
     color, coverage = picture[..., :3], picture[..., 3:]
     if not transparent:
@@ -85,15 +87,15 @@ def render(
 def _shaded(
     mesh: Mesh, view: Camera, colors: NDArray[np.float64] | None, values: HeatMap | None, smooth: bool
 ) -> tuple[NDArray[np.float64], ...]:
-    """Return the palette, and the palette row and light of each triangle corner."""
-    normals = mesh.face_normals @ view.axes.T
-    outside = normals[:, 2] - view.perspective * np.einsum("ij,ij->i", view.framed(mesh.centroids), normals) >= 0
-    at_corners = (mesh.vertex_normals @ view.axes.T)[mesh.faces] if smooth else normals[:, None]
-    at_corners = np.where(outside[:, None, None], at_corners, -at_corners)
-    light = np.full(at_corners.shape[:2], _AMBIENT)
+    """Return the palette, and the palette row and light of each triangle, (m, 1), or of its corners, (m, 3)."""
+    toward_viewer = view.axes[2] - view.perspective * (mesh.centroids - view.center)
+    outside = np.einsum("ij,ij->i", mesh.face_normals, toward_viewer) >= 0
+    normals = mesh.vertex_normals[mesh.faces] if smooth else mesh.face_normals[:, None]
+    light = np.full(normals.shape[:2], _AMBIENT)
     for direction, strength in _LIGHTS:
-        facing = at_corners.reshape(-1, 3) @ unit(np.array(direction))  # one product instead of one for each face
-        light += strength * np.maximum(facing, 0).reshape(light.shape)
+        facing = normals.reshape(-1, 3) @ (unit(np.array(direction)) @ view.axes)  # one product for all faces
+        facing = np.where(outside[:, None], 1, -1) * facing.reshape(light.shape)
+        light += strength * np.maximum(facing, 0)
     if colors is not None or values is not None:
         light = 0.5 + 0.5 * light  # reduce the relief in favour of the colours
     inside = linear(named_colors("inside"))
@@ -101,11 +103,10 @@ def _shaded(
         palette, places = _heat(mesh, values)
     elif colors is not None:
         palette = np.concatenate([linear(colors), inside])
-        places = np.where(outside, np.arange(len(colors)), len(colors))[:, None]
+        places = np.where(outside, np.arange(len(colors), dtype=np.float64), len(colors))[:, None]
     else:
-        palette, places = np.concatenate([linear(named_colors("clay")), inside]), np.where(outside, 0, 1)[:, None]
-    shape = (len(mesh.faces), 3)
-    return palette, np.broadcast_to(places, shape), np.broadcast_to(light, shape)
+        palette, places = np.concatenate([linear(named_colors("clay")), inside]), np.where(outside, 0.0, 1.0)[:, None]
+    return palette, places, light
 
 
 def _heat(mesh: Mesh, values: HeatMap) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Index, Ints32, kernel, parallel_for
+from cascadenorm.mesh import Floats, Index, Ints32, Vectors, kernel, parallel_for
 
 SMALLEST_BAND = 16
 LINE = 0.02
@@ -16,14 +16,19 @@ LINE_COVERAGE = 0.75
 class Painted(NamedTuple):
     """Triangles on the screen with their colours."""
 
-    # (m, 3, 3) corners: x to the right and y down in pixels from the upper left, z toward the viewer; z must be
-    # linear on the screen
-    screen: NDArray[np.float64]
+    # (n, 3) x to the right and y down in pixels from the upper left, z toward the viewer and linear on the screen
+    points: NDArray[np.float64]
+    faces: NDArray[np.int32]  # (m, 3) corners of the triangles
     palette: NDArray[np.float64]  # (k, 3) linear colours
-    places: NDArray[np.float64]  # (m, 3) palette row at each corner; interpolated between the corners and then rounded
-    light: NDArray[np.float64]  # (m, 3) factor of the colour at each corner; interpolated as well
+    # (m, 1) of each triangle, or (m, 3) at its corners and interpolated between them
+    places: NDArray[np.float64]  # palette row, rounded after the interpolation
+    light: NDArray[np.float64]  # factor of the colour
     perspective: float = 0.0  # reciprocal of the distance of the viewer, in the unit of z
     line: float = 0.0  # width of the edges of the triangles in pixels; 0 draws none
+
+    def without(self, faces: NDArray[np.bool_]) -> "Painted":
+        """Return the triangles except those that are marked, (m,)."""
+        return self._replace(faces=self.faces[~faces], places=self.places[~faces], light=self.light[~faces])
 
 
 def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDArray[np.float64]:
@@ -33,9 +38,8 @@ def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDA
     the smaller index is visible.
     """
     picture = np.zeros((height, width, 4))
-    arrays = [np.ascontiguousarray(array, np.float64) for array in painted[:4]]
     settings = (painted.perspective, painted.line * samples / 2, width, samples, picture)
-    parallel_for(height, _paint_rows, *arrays, *settings, smallest=SMALLEST_BAND)
+    parallel_for(height, _paint_rows, *painted[:5], *settings, smallest=SMALLEST_BAND)
     return picture
 
 
@@ -43,7 +47,8 @@ def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDA
 def _paint_rows(
     start: int,
     stop: int,
-    screen: Floats,
+    points: Vectors,
+    faces: Ints32,
     palette: Floats,
     places: Floats,
     light: Floats,
@@ -54,37 +59,42 @@ def _paint_rows(
     picture: Floats,
 ) -> None:
     seen = np.full(((stop - start) * samples, width * samples), -1, np.int32)
-    _find_nearest(start, screen, samples, seen)
-    _shade(start, screen, palette, places, light, perspective, half_line, samples, seen, picture)
+    _find_nearest(start, points, faces, samples, seen)
+    _shade(start, points, faces, palette, places, light, perspective, half_line, samples, seen, picture)
     picture[start:stop] /= samples * samples
 
 
 @kernel
 def _corners(
-    start: int, screen: Floats, samples: int, f: Index
+    start: int, points: Vectors, faces: Ints32, samples: int, f: Index
 ) -> tuple[float, float, float, float, float, float, float]:
     """Return the corners of a triangle in samples, relative to the row `start`, and twice its signed area."""
-    ax, ay = screen[f, 0, 0] * samples, (screen[f, 0, 1] - start) * samples
-    bx, by = screen[f, 1, 0] * samples, (screen[f, 1, 1] - start) * samples
-    cx, cy = screen[f, 2, 0] * samples, (screen[f, 2, 1] - start) * samples
+    ax, ay = points[faces[f, 0], 0] * samples, (points[faces[f, 0], 1] - start) * samples
+    bx, by = points[faces[f, 1], 0] * samples, (points[faces[f, 1], 1] - start) * samples
+    cx, cy = points[faces[f, 2], 0] * samples, (points[faces[f, 2], 1] - start) * samples
     return ax, ay, bx, by, cx, cy, (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 @kernel
-def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> None:
+def _centers_between(low: float, high: float, count: int) -> tuple[int, int]:
+    """Return the first and the last of `count` cells with their center between two coordinates."""
+    first = max(0, int(np.ceil(max(-1.0, low - 0.5))))
+    return first, min(count - 1, int(np.floor(min(count + 1.0, high - 0.5))))
+
+
+@kernel
+def _find_nearest(start: int, points: Vectors, faces: Ints32, samples: int, seen: Ints32) -> None:
     """Find the nearest triangle at each sample, located at the center of its cell, in the rows from `start` on."""
     rows, columns = seen.shape
     depth = np.full((rows, columns), -np.inf)
-    for f in range(len(screen)):
-        ax, ay, bx, by, cx, cy, double_area = _corners(start, screen, samples, f)
-        if double_area == 0:
-            continue
+    for f in range(len(faces)):
+        ax, ay, bx, by, cx, cy, double_area = _corners(start, points, faces, samples, f)
 
         # the cells with their center in the bounding box
-        top = max(0, int(np.ceil(max(-1.0, min(ay, by, cy) - 0.5))))
-        bottom = min(rows - 1, int(np.floor(min(rows + 1.0, max(ay, by, cy) - 0.5))))
-        left = max(0, int(np.ceil(max(-1.0, min(ax, bx, cx) - 0.5))))
-        right = min(columns - 1, int(np.floor(min(columns + 1.0, max(ax, bx, cx) - 0.5))))
+        top, bottom = _centers_between(min(ay, by, cy), max(ay, by, cy), rows)
+        if top > bottom or double_area == 0:
+            continue
+        left, right = _centers_between(min(ax, bx, cx), max(ax, bx, cx), columns)
 
         # keep the triangle where the center lies inside it, by barycentric coordinates, and nothing nearer was found
         for i in range(top, bottom + 1):
@@ -96,7 +106,7 @@ def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> Non
                 c = 1.0 - a - b
                 if a < 0 or b < 0 or c < 0:
                     continue
-                z = a * screen[f, 0, 2] + b * screen[f, 1, 2] + c * screen[f, 2, 2]
+                z = a * points[faces[f, 0], 2] + b * points[faces[f, 1], 2] + c * points[faces[f, 2], 2]
                 if z > depth[i, j]:
                     depth[i, j] = z
                     seen[i, j] = f
@@ -105,7 +115,8 @@ def _find_nearest(start: int, screen: Floats, samples: int, seen: Ints32) -> Non
 @kernel
 def _shade(
     start: int,
-    screen: Floats,
+    points: Vectors,
+    faces: Ints32,
     palette: Floats,
     places: Floats,
     light: Floats,
@@ -126,7 +137,7 @@ def _shade(
 
             # barycentric coordinates on the screen
             x = j + 0.5
-            ax, ay, bx, by, cx, cy, double_area = _corners(start, screen, samples, f)
+            ax, ay, bx, by, cx, cy, double_area = _corners(start, points, faces, samples, f)
             a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / double_area
             b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / double_area
             c = 1.0 - a - b
@@ -141,17 +152,25 @@ def _shade(
                     cover = LINE_COVERAGE
 
             # perspective-correct barycentric coordinates
-            a *= 1.0 + perspective * screen[f, 0, 2]
-            b *= 1.0 + perspective * screen[f, 1, 2]
-            c *= 1.0 + perspective * screen[f, 2, 2]
+            a *= 1.0 + perspective * points[faces[f, 0], 2]
+            b *= 1.0 + perspective * points[faces[f, 1], 2]
+            c *= 1.0 + perspective * points[faces[f, 2], 2]
             whole = a + b + c
             a, b, c = a / whole, b / whole, c / whole
 
             # look up the colour of the interpolated value, and apply the interpolated light and the line of an edge
-            place = int(np.rint(a * places[f, 0] + b * places[f, 1] + c * places[f, 2]))
-            place = min(max(place, 0), len(palette) - 1)
-            strength = a * light[f, 0] + b * light[f, 1] + c * light[f, 2]
+            place = min(max(int(np.rint(_between(places, f, a, b, c))), 0), len(palette) - 1)
+            strength = _between(light, f, a, b, c)
             pixel = picture[start + i // samples, j // samples]
             for channel in range(3):
                 pixel[channel] += (1.0 - cover) * strength * palette[place, channel] + cover * LINE
             pixel[3] += 1.0
+
+
+@kernel
+def _between(values: Floats, f: Index, a: float, b: float, c: float) -> float:
+    """Return the value of a triangle, or interpolate those at its corners."""
+    value: float = values[f, 0]
+    if values.shape[1] > 1:
+        value = a * values[f, 0] + b * values[f, 1] + c * values[f, 2]
+    return value

@@ -1,12 +1,13 @@
 """The meshes of a report."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cascadenorm import io
 from cascadenorm.io.interop import as_file, is_stored, mesh_of_file, source_name
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, scaled_alike
 
 LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}
 """Labels of the meshes of a report."""
@@ -41,6 +42,11 @@ class Given(NamedTuple):
         else:
             data = self.file.data
         return len(data), hashlib.sha256(data).hexdigest()
+
+
+def scaled(shown: Sequence[Given]) -> dict[str, Mesh]:
+    """Return the meshes by key, scaled alike to about unit size."""
+    return dict(zip((one.key for one in shown), scaled_alike(*(one.mesh for one in shown)), strict=True))
 
 
 def checked_truth(truth: Any) -> Given:

@@ -1,6 +1,6 @@
 """The key figures of a report: noise, angle, volume and faults such as spikes, before and after."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from cascadenorm.api.inspection import Inspection
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.errors import counted
 from cascadenorm.geometry.metrics import Measures, angles_at_faces
-from cascadenorm.mesh import scaled_alike
+from cascadenorm.mesh import Mesh
 from cascadenorm.reports.facts import count_of
 from cascadenorm.reports.given import Given
 from cascadenorm.reports.page import Tile
@@ -17,8 +17,13 @@ InspectedMeshes = Sequence[tuple[Given, Inspection]]
 MeasuredMeshes = Sequence[tuple[Given, Measures]]
 
 
-def key_figures(inspected: InspectedMeshes, measured: MeasuredMeshes, done: DenoisingSummary | None) -> list[Tile]:
-    """Return the tiles at the top of a report; values of two meshes are shown as before → after."""
+def key_figures(
+    inspected: InspectedMeshes, measured: MeasuredMeshes, done: DenoisingSummary | None, meshes: Mapping[str, Mesh]
+) -> list[Tile]:
+    """Return the tiles at the top of a report; values of two meshes are shown as before → after.
+
+    The meshes are scaled alike, by their keys.
+    """
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)
     folded = "\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}".join(f"{one.folded_edges:,}" for one in found)
@@ -30,7 +35,7 @@ def key_figures(inspected: InspectedMeshes, measured: MeasuredMeshes, done: Deno
         last = Tile("Faces", (f"{found[-1].faces:,}",), f"{found[-1].vertices:,} {vertices}")
     return [
         Tile("Noise", tuple(noise), "mean edge lengths"),
-        *_angle(inspected, measured),
+        *_angle(meshes, measured),
         _volume(found),
         Tile("Self-intersecting faces", tuple(count_of(one.crossing_faces) for one in found)),
         Tile("Spikes", tuple(count_of(one.spikes) for one in found), f"vertices; folded edges: {folded}"),
@@ -52,16 +57,14 @@ def headline(inspected: InspectedMeshes, done: DenoisingSummary | None) -> list[
     return [" ".join(parts)] if parts else []
 
 
-def _angle(inspected: InspectedMeshes, measured: MeasuredMeshes) -> list[Tile]:
+def _angle(meshes: Mapping[str, Mesh], measured: MeasuredMeshes) -> list[Tile]:
     """Return the mean angle to the truth, or to the input if there is no truth."""
     if measured:
         values = tuple(f"{measures.normal_error_deg:.2f}°" for _, measures in measured)
         return [Tile("Angle to the truth", values, "mean over the faces")]
-    meshes = [one.mesh for one, found in inspected if found.faces]
-    if len(meshes) < 2 or not np.array_equal(meshes[0].faces, meshes[1].faces):
+    if len(meshes) < 2 or not np.array_equal(meshes["before"].faces, meshes["after"].faces):
         return []
-    before, after = scaled_alike(*meshes)
-    angles = angles_at_faces(after.face_normals, before.face_normals)
+    angles = angles_at_faces(meshes["after"].face_normals, meshes["before"].face_normals)
     known = angles[~np.isnan(angles)]
     value = f"{known.mean():.2f}°" if len(known) else "unknown"
     return [Tile("Angle to the input", (value,), "mean over the faces")]

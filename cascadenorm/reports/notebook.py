@@ -15,7 +15,7 @@ from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity
 from cascadenorm.mesh import Mesh, MeshError, scaled_alike
 from cascadenorm.render import HeatMap, inline_row, montage, pixels, png, render
-from cascadenorm.reports.given import Given, given
+from cascadenorm.reports.given import Given, given, scaled
 from cascadenorm.reports.page import frame_page
 from cascadenorm.reports.scene import viewer_scene
 from cascadenorm.reports.writing import drawn
@@ -69,14 +69,15 @@ def view(
     sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
     meshes = [given(key, source) for key, source in sources]
     color, own = _values(meshes, values)
-    packed = viewer_scene(meshes, (), own=own)
+    alike = scaled(meshes)
+    packed = viewer_scene(meshes, (), own=own, meshes=alike)
     if color and all(field["name"] != color for field in packed["fields"]):
         against = "other" if QUANTITIES[color].against == "input" else "truth"
         raise ParameterError(f"{color} compares a mesh with another one", hint=f"give `{against}` as well")
     maps = {}
     if own is not None:
         maps = {key: HeatMap(v, own.quantity.at, own.limits, own.quantity.signed) for key, v in own.values.items()}
-    panels = drawn(meshes, VIEW_PICTURE, maps)
+    panels = drawn(meshes, VIEW_PICTURE, maps, meshes=alike)
     caption = f"Meshes: {', '.join(one.label.lower() for one in meshes)}"
     page = frame_page(packed, inline_row(panels, caption), caption, color=color)
     return widget(page=page, picture=png(pixels(montage([panels]))), height=height)

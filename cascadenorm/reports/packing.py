@@ -17,7 +17,7 @@ VALUE_STEPS = 250
 class SteppedValues(NamedTuple):
     """Real numbers rounded to integer codes: value = start + step · (code - 1); code 0 stands for an unknown value."""
 
-    codes: NDArray[np.int64]
+    codes: NDArray[np.int32]
     start: float
     step: float
 
@@ -29,16 +29,16 @@ def in_steps(values: NDArray[np.float64], steps: int = VALUE_STEPS) -> SteppedVa
     """
     known = np.abs(values) < LARGEST_VALUE
     if not known.any():
-        return SteppedValues(np.zeros(values.shape, np.int64), 0.0, 1.0)
+        return SteppedValues(np.zeros(values.shape, np.int32), 0.0, 1.0)
     start, stop = float(values[known].min()), float(values[known].max())
     usual = float(np.quantile(np.abs(values[known]), 0.99))
     step = max(usual / steps, (stop - start) / (MOST_CODES - 2)) or 1.0
-    codes = np.rint((np.where(known, values, start) - start) / step).astype(np.int64) + 1
+    codes = np.rint((np.where(known, values, start) - start) / step).astype(np.int32) + 1
     return SteppedValues(np.where(known, codes, 0), start, step)
 
 
-def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str, Any]:
-    """Pack integers, (k,) or (k, c), column by column.
+def packed(values: NDArray[np.signedinteger[Any]], *, differences: bool = False) -> dict[str, Any]:
+    """Pack integers, (k,) or (k, c), column by column. Twice their differences must fit into their type.
 
     With `differences`, each value except the first of a column is stored as its difference from the previous one,
     which is smaller if neighbours are similar. Returns the shape, `differences`, the number of bytes of each value,
@@ -46,10 +46,11 @@ def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str,
     """
     columns = values.reshape(len(values), -1).T
     if differences:
-        columns = np.diff(columns, axis=1, prepend=0)
-    folded = (columns << 1) ^ (columns >> 63)  # 0, -1, 1, -2, … to 0, 1, 2, 3, …
+        columns = np.diff(columns, axis=1, prepend=columns.dtype.type(0))
+    size = columns.itemsize
+    folded = (columns << 1) ^ (columns >> (8 * size - 1))  # 0, -1, 1, -2, … to 0, 1, 2, 3, …
     width = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
-    planes = np.ascontiguousarray(folded, "<i8").view(np.uint8).reshape(-1, 8)[:, :width].T
+    planes = np.ascontiguousarray(folded, f"<i{size}").view(np.uint8).reshape(-1, size)[:, :width].T
     # noise has runs of equal bytes but few longer repetitions, so only runs are searched for
     deflate = zlib.compressobj(strategy=zlib.Z_RLE)
     data = b64encode(deflate.compress(planes.tobytes()) + deflate.flush()).decode("ascii")
@@ -58,5 +59,5 @@ def packed(values: NDArray[np.int64], *, differences: bool = False) -> dict[str,
 
 def packed_faces(faces: NDArray[np.int32]) -> dict[str, Any]:
     """Pack triangles: the first corner minus that of the previous triangle, and the other corners minus the first."""
-    first, second, third = faces.astype(np.int64).T
-    return packed(np.stack([np.diff(first, prepend=0), second - first, third - first], axis=1))
+    first, second, third = faces.T
+    return packed(np.stack([np.diff(first, prepend=np.int32(0)), second - first, third - first], axis=1))

@@ -11,7 +11,7 @@ from cascadenorm.io.content import CHANNELS, channels
 from cascadenorm.mesh import Floats, Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
 from cascadenorm.reports.decimation import MOST_SHOWN_FACES, Display, decimated
-from cascadenorm.reports.given import Given
+from cascadenorm.reports.given import Given, scaled
 from cascadenorm.reports.packing import VALUE_STEPS, in_steps, packed, packed_faces
 from cascadenorm.reports.places import DefectPlace
 
@@ -36,15 +36,15 @@ class _Frame(NamedTuple):
     levels: int  # number of levels along each side
     unit: float  # unit length of the scaled meshes in the unit of the files
 
-    def codes(self, vertices: Vectors) -> NDArray[np.int64]:
+    def codes(self, vertices: Vectors) -> NDArray[np.int32]:
         """Return (n, 3) quantised positions; 0 along a side without length."""
         place = np.divide(vertices - self.lower, self.extent, out=np.zeros_like(vertices), where=self.extent > 0)
-        return np.asarray(np.rint(place * self.levels), np.int64)
+        return np.asarray(np.rint(place * self.levels), np.int32)
 
     def holds(self, mesh: Mesh) -> bool:
         """Return whether a mesh lies in the box, or extends only slightly beyond it."""
-        used = mesh.vertices[mesh.topology.used_vertices]
-        beyond = np.maximum(self.lower - used.min(axis=0), used.max(axis=0) - self.lower - self.extent)
+        lower, upper = mesh.box
+        beyond = np.maximum(self.lower - lower, upper - self.lower - self.extent)
         return bool((beyond <= LITTLE * self.extent).all())
 
 
@@ -53,17 +53,25 @@ class _Drawn(NamedTuple):
 
     mesh: Mesh
     shown: Display
-    codes: NDArray[np.int64]
+    codes: NDArray[np.int32]
 
 
-def viewer_scene(shown: Sequence[Given], places: Sequence[DefectPlace], *, own: Field | None = None) -> dict[str, Any]:
+def viewer_scene(
+    shown: Sequence[Given],
+    places: Sequence[DefectPlace],
+    *,
+    own: Field | None = None,
+    meshes: Mapping[str, Mesh] | None = None,
+) -> dict[str, Any]:
     """Pack meshes, the quantities on them, values given by the caller, and places of defects.
+
+    `meshes` are those of `scaled`; None computes them.
 
     Positions are quantised to LEVELS or FINE_LEVELS along each direction of the bounding box of all meshes. A mesh with
     the faces of an earlier one is stored as displacements of its vertices. If the scene would have more than MOST_TEXT
     characters, values are quantised more coarsely; if that is not enough, the meshes are decimated.
     """
-    meshes = dict(zip((given.key for given in shown), scaled_alike(*(given.mesh for given in shown)), strict=True))
+    meshes = meshes or scaled(shown)
     frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
     quantities = [*_fields(meshes, frame), *([own] if own else [])]
     most, fewer_steps = MOST_SHOWN_FACES, False
@@ -126,8 +134,9 @@ class Comparison:
 
 
 def _frame(meshes: Collection[Mesh], unit: float) -> _Frame:
-    corners = np.concatenate([mesh.vertices[mesh.topology.used_vertices] for mesh in meshes])
-    lower, extent = corners.min(axis=0), np.ptp(corners, axis=0)
+    lowers, uppers = zip(*(mesh.box for mesh in meshes), strict=True)
+    lower = np.min(lowers, axis=0)
+    extent = np.max(uppers, axis=0) - lower
     edge = min(mesh.mean_edge_length for mesh in meshes)
     levels = LEVELS if edge * LEVELS >= FEWEST_LEVELS * extent.max() else FINE_LEVELS
     return _Frame(lower, extent, levels, unit)
@@ -211,12 +220,12 @@ def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, fewer_steps: boo
 
 def _colors(given: Given, drawn: Display) -> dict[str, Any] | None:
     """Pack the vertex colours of a file; split vertices have the colour of their first copy."""
-    colors = channels(given.file.content().vertex_values)
+    colors = channels(given.file.vertex_values)
     first = np.unique(given.file.welds, return_index=True)[1]
     if any(len(colors.get(name, ())) != len(given.file.positions) for name in CHANNELS[:3]):
         return None
     rows = np.stack([colors[name][first] for name in CHANNELS[:3]], axis=1)
-    return packed(rows[drawn.kept_vertices].astype(np.int64), differences=True)
+    return packed(rows[drawn.kept_vertices].astype(np.int32), differences=True)
 
 
 def _numbers(given: Given, drawn: Display) -> dict[str, Any] | None:

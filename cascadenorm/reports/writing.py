@@ -13,11 +13,11 @@ from cascadenorm.api.opened_files import Denoised, DenoisingSummary
 from cascadenorm.errors import OutputError, ParameterError, counted
 from cascadenorm.geometry.metrics import SYMBOLS, Measures, measure
 from cascadenorm.io.atomic import check_output, write_atomically
-from cascadenorm.mesh import MeshError, scaled_alike
+from cascadenorm.mesh import Mesh, MeshError, one_blas_thread
 from cascadenorm.registry import find
 from cascadenorm.render import Camera, HeatMap, Panel, inline_row, render
 from cascadenorm.reports import facts
-from cascadenorm.reports.given import Given, given
+from cascadenorm.reports.given import Given, given, scaled
 from cascadenorm.reports.key_figures import InspectedMeshes, MeasuredMeshes, headline, key_figures
 from cascadenorm.reports.page import code, folded, html_list, page, table
 from cascadenorm.reports.places import DefectPlace, places
@@ -47,6 +47,7 @@ def check_report(output: str | PathLike[str], *, force: bool) -> Path:
     return path
 
 
+@one_blas_thread()
 def report(
     output: str | PathLike[str],
     mesh: Any,
@@ -129,14 +130,15 @@ def report_html(
     why = _undrawn(shown[0]) if len(shown) == 1 else None
     if why is not None:
         return page(title, [f"There is nothing to show: {why}."], sections)
+    meshes = scaled(shown)  # their normals are used several times
     return page(
         title,
         headline(inspected, done),
         sections,
-        tiles=key_figures(inspected, measured, done),
-        picture=inline_row(drawn(shown, PICTURE), caption),
+        tiles=key_figures(inspected, measured, done, meshes),
+        picture=inline_row(drawn(shown, PICTURE, meshes=meshes), caption),
         caption=caption,
-        scene=viewer_scene(shown, found),
+        scene=viewer_scene(shown, found, meshes=meshes),
     )
 
 
@@ -199,9 +201,18 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
     return title + (f"<dl>{''.join(rows)}</dl>" if rows else "<p>No defects.</p>")
 
 
-def drawn(shown: Sequence[Given], size: int, heat: Mapping[str, HeatMap] = MappingProxyType({})) -> list[Panel]:
-    """Draw all meshes from the best view of the last, some with values as colours, by their keys."""
-    meshes = scaled_alike(*(one.mesh for one in shown))
-    style: dict[str, Any] = {"view": Camera.looking_at(meshes[-1]), "size": (size, size), "transparent": True}
-    named = zip(shown, meshes, strict=True)
-    return [Panel(render(mesh, values=heat.get(one.key), **style), one.label) for one, mesh in named]
+def drawn(
+    shown: Sequence[Given],
+    size: int,
+    heat: Mapping[str, HeatMap] = MappingProxyType({}),
+    *,
+    meshes: Mapping[str, Mesh] | None = None,
+) -> list[Panel]:
+    """Draw all meshes from the best view of the last, some with values as colours, by their keys.
+
+    `meshes` are those of `scaled`; None computes them.
+    """
+    meshes = meshes or scaled(shown)
+    view = Camera.looking_at(meshes[shown[-1].key])
+    style: dict[str, Any] = {"view": view, "size": (size, size), "transparent": True}
+    return [Panel(render(meshes[one.key], values=heat.get(one.key), **style), one.label) for one in shown]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cascadenorm.mesh import scatter_add, vectors
+from cascadenorm.mesh import pair_products, scatter_add, vectors
 
 
 @given(st.integers(0, 40), st.sampled_from([(), (1,), (3,), (3, 3)]), st.sampled_from([np.int32, np.int64]), st.data())
@@ -39,3 +39,10 @@ def test_vector_kernels_agree_with_numpy():
         np.testing.assert_allclose(vectors.cross(a, b), np.cross(u, v), atol=1e-15)
         np.testing.assert_allclose(vectors.length(a), np.linalg.norm(u), rtol=1e-15)
         np.testing.assert_allclose(vectors.squared_distance(a, b), ((u - v) ** 2).sum(), rtol=1e-14)
+
+
+def test_products_of_pairs_are_those_of_numpy():
+    rng = np.random.default_rng(0)
+    rows, pairs = rng.normal(size=(40, 3)), rng.integers(0, 40, (900, 2)).astype(np.int32)
+    first, second = rows[pairs.T]
+    np.testing.assert_allclose(pair_products(rows, pairs), (first * second).sum(axis=1), rtol=0, atol=1e-14)

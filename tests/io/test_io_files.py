@@ -55,6 +55,7 @@ def test_arrays_are_written_as_a_ply_file_of_them_is(kind, format):
     arrays = io.from_arrays(vertices, [(0, 1, 2), (0, 2, 3)])
     ply = io.read(streams.BytesIO(b"".join(arrays.pieces())))
     assert ply.positions.dtype == kind
+    assert arrays.with_vertices(vertices + 1).data == arrays.data == ply.data
     for file, other in ((arrays, ply), (arrays.with_vertices(vertices + 1), ply.with_vertices(vertices + 1))):
         mine, theirs = streams.BytesIO(), streams.BytesIO()
         assert io.write(file, mine, format=format) == io.write(other, theirs, format=format)

@@ -71,6 +71,8 @@ def test_size_is_that_of_the_faces():
     stray = Mesh(np.vstack([box.vertices, [(1e30, 0, 0)]]), box.faces)
     assert stray.volume == pytest.approx(box.volume, rel=1e-12)
     assert stray.diagonal == box.diagonal
+    np.testing.assert_array_equal(stray.box, box.box)
+    np.testing.assert_array_equal(box.box, [box.vertices.min(axis=0), box.vertices.max(axis=0)])
 
 
 def test_moved_takes_as_many_vertices_as_there_are():

@@ -113,6 +113,15 @@ def longest_run(rows) -> int:
     return int(np.diff(free).max()) - 1
 
 
+@pytest.mark.parametrize("columns", [1, 2, 3, 4])
+def test_the_same_rows_are_equal_in_single_and_double_precision(columns):
+    rows = np.random.default_rng(columns).choice([0.0, -0.0, 0.1, 2.0, np.nan], (300, columns)).astype(np.float32)
+    for single, double in zip(first_equal(rows), first_equal(rows.astype(float)), strict=True):
+        np.testing.assert_array_equal(single, double)
+    same, _ = first_equal(rows)
+    np.testing.assert_array_equal(rows[same], rows)
+
+
 def test_welding_distinguishes_what_single_precision_does_not():
     vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1e-12, 0, 0), (-1, 0, 0), (-0.0, -1, 0), (0, -1, 0)])
     file = ply_of(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 4, 6)]))

@@ -67,8 +67,9 @@ def text_of(path):
 
 @pytest.mark.parametrize("differences", [False, True])
 @pytest.mark.parametrize("shape", [(1,), (7,), (5, 3), (300, 3)])
-def test_packed_numbers_come_back(shape, differences):
-    values = np.random.default_rng(0).integers(-(2**30), 2**30, shape)
+@pytest.mark.parametrize(("kind", "most"), [("i4", 2**29), ("i8", 2**30)])
+def test_packed_numbers_come_back(kind, most, shape, differences):
+    values = np.random.default_rng(0).integers(-most, most, shape, kind)
     np.testing.assert_array_equal(unpacked(packed(values, differences=differences)), values)
 
 

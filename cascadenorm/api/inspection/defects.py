@@ -15,6 +15,7 @@ from cascadenorm.mesh import (
     connected_components,
     first_of_each,
     kernel,
+    pair_products,
     parallel_for,
     scatter_add,
 )
@@ -71,8 +72,7 @@ def spikes(mesh: Mesh) -> Mask:
 def folded_edges(mesh: Mesh) -> Mask:
     """Return (i,) bool, the interior edges whose faces have normals more than 90° apart if consistently oriented."""
     topology = mesh.topology
-    one, other = topology.face_pairs.T
-    cosines = np.einsum("ij,ij->i", mesh.face_normals[one], mesh.face_normals[other])
+    cosines = pair_products(mesh.face_normals, topology.face_pairs)
     cosines[flipped_edges(topology)[topology.interior_edges]] *= -1
     return np.asarray(cosines < FOLDED_COSINE)
 

@@ -33,7 +33,6 @@ from cascadenorm.mesh import (
     any_in_rows,
     bad_faces,
     bad_vertices,
-    box_of,
     in_frame,
     isolated,
     repeats_vertex,
@@ -239,7 +238,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
     crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
     every = np.arange(len(mesh.faces))
-    lower, upper = box_of(mesh.vertices[topology.used_vertices])
+    lower, upper = mesh.box
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
     return {

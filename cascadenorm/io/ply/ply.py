@@ -157,11 +157,11 @@ class PlyFile(MeshFile):
                 replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
         if self._text is not None:
             return self._spliced(self._text, replaced)
-        body = bytearray(self._body)
+        body = np.frombuffer(self._body, np.uint8).copy()
         for element, names, values, chosen in replaced:
             for axis, name in enumerate(names):
                 self._columns[element, name].put(body, values[:, axis], chosen[:, axis])
-        return [memoryview(body)]
+        return [body.data]
 
     def _widened(self) -> bytes:
         """Return the file with integer positions converted to double."""

@@ -16,7 +16,7 @@ from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import blocks
 from cascadenorm.mesh.polygons import Polygons, ranges
 
-Body = bytes | bytearray | memoryview
+Body = bytes | memoryview
 
 
 class PropertyKind(NamedTuple):
@@ -33,7 +33,7 @@ class PropertyColumn(NamedTuple):
     offsets: range | NDArray[np.int64]  # byte offset of the first value of each row; a range if the steps are equal
     counts: int | NDArray[np.int64]  # number of values in each row; one number if they are equal
 
-    def view(self, body: Body) -> NDArray[Any]:
+    def view(self, body: Body | NDArray[np.uint8]) -> NDArray[Any]:
         """View the values in a body, (rows, values). Only for equal steps and counts."""
         assert isinstance(self.offsets, range) and isinstance(self.counts, int)
         if not self.offsets or not self.counts:
@@ -55,14 +55,14 @@ class PropertyColumn(NamedTuple):
         found = np.frombuffer(body, np.uint8)[cells].view(self.kind)[:, 0]
         return np.asarray(found.astype(self.kind.newbyteorder("=")))
 
-    def put(self, body: bytearray, values: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
+    def put(self, body: NDArray[np.uint8], values: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
         """Replace the chosen values. Each row has one value."""
         if isinstance(self.offsets, range):
             np.copyto(self.view(body)[:, 0], values, "unsafe", where=chosen)
             return
         cells = np.asarray(self.offsets)[chosen, None] + np.arange(self.kind.itemsize)
         raw = values[chosen].astype(self.kind)[:, None].view(np.uint8)
-        np.frombuffer(body, np.uint8)[cells] = raw
+        body[cells] = raw
 
 
 def columns(body: Body, element: PlyElement, start: int, kinds: list[PropertyKind]) -> tuple[list[PropertyColumn], int]:
