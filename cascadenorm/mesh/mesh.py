@@ -74,10 +74,8 @@ class Mesh:
         """Free the cached arrays that depend on positions, but neither single numbers nor the topology."""
         freed = 0
         for name in self.__dict__.keys() - {"vertices", "faces"}:
-            if isinstance(array := self.__dict__.get(name), np.ndarray):
-                self.__dict__.pop(name, None)  # another thread may have freed it
-                freed += array.nbytes
-        del array
+            if isinstance(self.__dict__.get(name), np.ndarray):
+                freed += getattr(self.__dict__.pop(name, None), "nbytes", 0)  # another thread may have freed it
         return_freed_memory(freed)
 
     def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
