@@ -13,6 +13,7 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass, spatial_weights
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
+from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import faces_near
 from cascadenorm.geometry.patches.cutting import MeshPatch
@@ -149,7 +150,8 @@ def patch_guidance(mesh: Mesh) -> Vectors:
     rings = mesh.topology.face_rings(1)
     inconsistency, means = patch_statistics(mesh, rings)
     guide = np.empty_like(means)
-    parallel_for(len(means), _choose_patch, inconsistency, means, mesh.face_normals, rings, guide)
+    arrays = inconsistency, means, mesh.face_normals, rings, guide
+    parallel_for(len(means), _choose_patch, *arrays, smallest=SMALLEST_COSTLY_CHUNK)
     return guide
 
 
@@ -157,8 +159,8 @@ def patch_statistics(mesh: Mesh, rings: Csr) -> tuple[Vectors, Vectors]:
     """Return H, (m,), and the area-weighted mean normal, (m, 3), of the patch of each face; zero where they cancel."""
     count = len(mesh.faces)
     inconsistency, means = np.empty(count), np.empty((count, 3))
-    across = mesh.topology.faces_across
-    parallel_for(count, _patch_statistics, mesh.face_normals, mesh.areas, across, rings, inconsistency, means)
+    arrays = mesh.face_normals, mesh.areas, mesh.topology.faces_across, rings, inconsistency, means
+    parallel_for(count, _patch_statistics, *arrays, smallest=SMALLEST_COSTLY_CHUNK)
     return inconsistency, means
 
 

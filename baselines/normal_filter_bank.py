@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
+from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.geometry.neighborhoods import UNLIMITED, faces_near, search_faces
 from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
@@ -42,7 +43,7 @@ def filtered_normals(
         (mesh.area_vectors / mesh.median_area).astype(np.float32), mesh.face_normals,
         np.ascontiguousarray(guides, np.float32), 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2,
         (0.5 / np.array(sigma_r) ** 2).astype(np.float32), 0.5 * cutoff**2 if rings is None else np.inf,
-        radius**2, UNLIMITED if rings is None else rings, out,
+        radius**2, UNLIMITED if rings is None else rings, out, smallest=SMALLEST_COSTLY_CHUNK,
     )  # fmt: skip
     return out
 

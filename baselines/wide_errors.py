@@ -11,7 +11,7 @@ import numpy as np
 from cascadenorm.baselines.bilateral_normal import bilateral_normal
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.coarse_copy import CoarseCopy, coarse_copy
-from cascadenorm.mesh import Floats, Mesh, Vectors
+from cascadenorm.mesh import Floats, Mesh, Vectors, pair_products
 from cascadenorm.mesh.averages import averaged
 
 SHARES = 0.6, 0.525, 0.675
@@ -35,30 +35,37 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
         copy = coarse_copy(mesh, SHARES[number] * width)
         sums += mesh.vertices if copy is None else copy.carried_over(mesh.vertices, denoise(copy))
     carried = np.where(mesh.topology.used_vertices[:, None], sums / len(SHARES), mesh.vertices)
-    return unfolded(mesh.moved(bilateral_normal(mesh.moved(carried), iterations=FINISHING_PASSES)))
+    return unfolded(mesh, bilateral_normal(mesh.moved(carried), iterations=FINISHING_PASSES))
 
 
-def unfolded(mesh: Mesh) -> Vectors:
-    """Move the vertices at folded edges to the mean of their neighbours until no edge is folded, for a few rounds.
+def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Move the vertices at folded edges to the mean of themselves and their neighbours, for at most UNFOLDING_ROUNDS.
 
     Where steps are closer to each other than the edges of a copy, all of their vertices are carried over from the same
-    place. Vertices on the boundary do not move.
+    place. Vertices on the boundary do not move, and edges that are as sharp in the input stay.
+
+    Parameters
+    ----------
+    mesh
+        Input mesh with n vertices.
+    vertices
+        (n, 3) new vertices.
 
     Returns
     -------
     (n, 3) vertices.
     """
-    topology = mesh.topology
+    topology, pairs = mesh.topology, mesh.topology.face_pairs
+    pairs = pairs[pair_products(mesh.face_normals, pairs) >= FOLDED_COSINE]
     for _ in range(UNFOLDING_ROUNDS):
-        one, other = mesh.face_normals[topology.face_pairs].swapaxes(0, 1)
-        folded = np.zeros(len(mesh.vertices), bool)
-        folded[mesh.faces[topology.face_pairs[np.einsum("ij,ij->i", one, other) < FOLDED_COSINE]]] = True
+        folded = np.zeros(len(vertices), bool)
+        cosines = pair_products(mesh.moved(vertices).face_normals, pairs)
+        folded[mesh.faces[pairs[cosines < FOLDED_COSINE]]] = True
         folded &= ~topology.boundary_vertices
         if not folded.any():
             break
-        means = averaged(mesh.vertices, topology.vertex_neighbors, 1)
-        mesh = mesh.moved(np.where(folded[:, None], means, mesh.vertices))
-    return mesh.vertices
+        vertices = np.where(folded[:, None], averaged(vertices, topology.vertex_neighbors, 1), vertices)
+    return vertices
 
 
 def without_steps(

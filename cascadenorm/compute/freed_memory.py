@@ -8,9 +8,9 @@ RETURNED_BYTES = 16_000_000
 
 
 def return_freed_memory(size: int) -> None:
-    """Return freed memory to the system if the arrays freed last had at least RETURNED_BYTES.
+    """Return freed memory to the system if the arrays freed last, of `size` bytes, had at least RETURNED_BYTES.
 
-    glibc keeps most arrays below 32 MiB for later ones, but between arrays that are in use they fit few others.
+    glibc keeps the memory of most freed arrays below 32 MiB, but few later arrays fit between those in use.
     """
     if size >= RETURNED_BYTES:
         with suppress(AttributeError, OSError, TypeError):  # other systems

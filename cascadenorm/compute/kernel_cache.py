@@ -23,7 +23,7 @@ from cascadenorm.compute.shipped_kernels import kernel_digest, shipped_file
 
 @cache
 def _link_runtime() -> None:
-    """Make the C functions of numba's runtime known to machine code, which holds the compiled functions it needs."""
+    """Register the C functions of numba's runtime, which cached machine code calls by name."""
     for name, address in c_helpers.items():
         add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
@@ -63,7 +63,7 @@ class KernelPlaces(CompileResultCacheImpl):  # type: ignore[misc]
     )
 
     def reduce(self, compiled: Any) -> Any:
-        """Leave out environments without constants, of which numba would only import the modules."""
+        """Leave out environments without constants: loading one would only import its module."""
         *content, environments = super().reduce(compiled)
         return (*content, tuple(one for one in environments if one.consts))
 

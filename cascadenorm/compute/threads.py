@@ -22,6 +22,7 @@ from cascadenorm.compute.thread_pool import on_threads
 BLOCK = 1024  # rows; with about a hundred numbers each they fit into the L2 cache
 CHUNKS_PER_THREAD = 4  # balances ranges of unequal cost
 SMALLEST_CHUNK = 4096  # indices, on which most kernels spend less than a thread needs to start and stop
+SMALLEST_COSTLY_CHUNK = 512  # for kernels that visit many neighbours of each index
 SUMS, FEWEST_TERMS = 32, 512  # blocks with partial sums, used if each block has many terms, and many more than sums
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
@@ -105,7 +106,8 @@ def _pools() -> ThreadpoolController:
 def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest: int | None = None) -> list[Any]:
     """Call run(start, stop, *arguments) in parallel on ranges that cover 0 … count.
 
-    The ranges have about the same size, at least `smallest`, or SMALLEST_CHUNK, unless the count is less.
+    The ranges have about the same size. Each has at least `smallest` indices unless there are fewer in all; None
+    selects SMALLEST_CHUNK.
 
     Returns
     -------

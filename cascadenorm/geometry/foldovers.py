@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, pair_products, parallel_for
 from cascadenorm.mesh.vectors import dot, length, row
 
 STEP_HALVINGS = 8  # halvings of the displacement of a vertex before the vertex returns to its input position
@@ -90,8 +90,7 @@ def _harmful_flips(mesh: Mesh, moved: Mesh, among: NDArray[np.bool_]) -> NDArray
 
 def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return (p,) whether the normals of each pair of faces differ by more than 105°."""
-    one, other = mesh.face_normals[pairs].swapaxes(0, 1)
-    return np.asarray(np.einsum("ij,ij->i", one, other) < FOLDOVER_COSINE)
+    return np.asarray(pair_products(mesh.face_normals, pairs) < FOLDOVER_COSINE)
 
 
 def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.ordering import morton_codes
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
@@ -47,7 +48,8 @@ class SurfaceTree:
         """Find the distance and nearest face for each point, (k, 3); ties go to the lowest face index."""
         points = np.ascontiguousarray(points, np.float64)
         squared, faces = np.empty(len(points)), np.empty(len(points), np.int64)
-        parallel_for(len(points), _search, points, self.corners, self.order, self.boxes, squared, faces)
+        arrays = points, self.corners, self.order, self.boxes, squared, faces
+        parallel_for(len(points), _search, *arrays, smallest=SMALLEST_COSTLY_CHUNK)
         return Nearest(np.sqrt(squared), faces)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.mesh import (
     Csr,
     Floats,
@@ -44,7 +45,10 @@ def faces_near(mesh: Mesh, faces: Ints32, radius: float, *, most: int = UNLIMITE
     topology = mesh.topology
     most = min(most, len(mesh.faces))
     parts = parallel_for(
-        len(faces), _faces_near_range, faces, mesh.faces, topology.vertex_faces, mesh.centroids, radius**2, most
+        len(faces),
+        _faces_near_range,
+        *(faces, mesh.faces, topology.vertex_faces, mesh.centroids, radius**2, most),
+        smallest=SMALLEST_COSTLY_CHUNK,
     )
     return joined_rows(len(faces), parts)
 

@@ -10,7 +10,7 @@ from cascadenorm.mesh.polygons import Polygons
 
 
 class ArraysFile(MeshFile):
-    """A binary PLY file of positions and polygons. Its bytes are not in memory, but made when they are needed."""
+    """A binary PLY file of positions and polygons, encoded when its bytes are needed."""
 
     format = PlyFile.format
     encode = PlyFile.encode

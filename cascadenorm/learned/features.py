@@ -4,7 +4,7 @@ The features are the angles between the filtered normals of a face, and their me
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +161,7 @@ class ComponentSums(NamedTuple):
     areas: Floats
 
 
-def component_sums(values: NDArray[np.float32], mesh: Mesh, among: Bools | slice = slice(None)) -> ComponentSums:
+def component_sums(values: NDArray[np.floating[Any]], mesh: Mesh, among: Bools | slice = slice(None)) -> ComponentSums:
     """Sum values over the given faces, (m,) bool, of each component. There is one row of values per given face."""
     component = mesh.topology.face_components
     count = int(component.max(initial=-1)) + 1

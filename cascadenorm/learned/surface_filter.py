@@ -9,8 +9,9 @@ from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.geometry.fairing import grown
 from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.quadrics import quadric_normals
+from cascadenorm.learned.features import component_means, component_sums, openness
 from cascadenorm.learned.noise_evidence import turning_angles
-from cascadenorm.mesh import Bools, Mesh, Vectors, face_area_vectors, part_of, row_lengths, unit, with_part_moved
+from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit, with_part_moved
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
 """Settings of the bilateral filter of the result, named as in the method `bilateral-normal`."""
@@ -19,9 +20,9 @@ SCAN_PASSES, SCAN_SHARE = 3, 0.6
 LITTLE_TURNED = np.radians(8.0)
 """Mean angle by which the network turns the faces of a component, below which the component has little noise."""
 HARDLY_TURNED = np.radians((3.0, 5.0))
-"""Mean angles between which the filter of a component takes effect."""
-LEAST_FACING = 0.4
-"""Least ratio of the mean area vector of a sheet to its area; a hemisphere has 0.5."""
+"""Mean angles by which the network turns a component, between which the effect of the filter rises to its full size."""
+LEAST_OPENNESS = 0.4
+"""Least openness of a component that is seen from one side; a hemisphere has 0.5 (see `openness`)."""
 QUADRIC_SHARES = 0.7, 0.3
 """Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
 
@@ -49,26 +50,20 @@ def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Ve
     -------
     (n, 3) vertices.
     """
+    denoised, components = mesh.moved(vertices), mesh.topology.face_components
+    sums = component_sums(turning_angles(mesh, denoised.face_normals)[:, None], mesh)
+    turned = component_means(sums)[:, 0]
+    measured = measured & (turned > HARDLY_TURNED[0])[components]
     if not measured.any():
         return vertices
-    denoised, components = mesh.moved(vertices), mesh.topology.face_components
-    counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
-    turned = np.bincount(components, turning_angles(mesh, denoised.face_normals), len(counts)) / np.maximum(counts, 1)
-    sheets = measured & _seen_from_one_side(mesh) & (turned < LITTLE_TURNED)[components]
+    sheets = measured & ((openness(sums) > LEAST_OPENNESS) & (turned < LITTLE_TURNED))[components]
     filtered = with_part_moved(denoised, measured & ~sheets, _filtered)
     if sheets.any():
         noisy = mesh if sheets.all() else part_of(mesh, sheets)[0]
         filtered = with_part_moved(mesh.moved(filtered), sheets, partial(_averaged, noisy))
-    share = np.interp(turned, HARDLY_TURNED, (0, 1))[mesh.topology.components, None]
-    return vertices + share * (filtered - vertices)
-
-
-def _seen_from_one_side(mesh: Mesh) -> Bools:
-    """Return the faces, (m,), of components whose mean area vector is larger than LEAST_FACING of the area."""
-    components, vectors = mesh.topology.face_components, face_area_vectors(mesh.vertices, mesh.faces)
-    facing = np.stack([np.bincount(components, along) for along in vectors.T], axis=1)
-    areas = np.bincount(components, row_lengths(vectors))
-    return np.asarray((row_lengths(facing) > LEAST_FACING * areas)[components])
+    shares = np.zeros(len(vertices))
+    shares[mesh.faces.ravel()] = np.repeat(np.interp(turned, HARDLY_TURNED, (0, 1))[components], 3)
+    return vertices + shares[:, None] * (filtered - vertices)
 
 
 def _filtered(mesh: Mesh) -> Vectors:
@@ -88,7 +83,7 @@ def _recovered(mesh: Mesh, normals: Vectors) -> Vectors:
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
         at, near = (np.flatnonzero(grown(mesh, boundary, rings=rings)[mesh.faces].any(axis=1)) for rings in (0, 1))
-        given = normals.copy()
+        given, normals = normals, normals.copy()
         for share, faces in zip(QUADRIC_SHARES, (at, np.setdiff1d(near, at)), strict=True):
             normals[faces] = unit((1 - share) * given[faces] + share * quadric_normals(mesh, given, faces))
     return recover_vertices(mesh, normals, sweeps=SWEEPS)

@@ -57,5 +57,6 @@ def _scaled(mesh: Mesh, exponent: int) -> Mesh:
 
 
 def _with_unused_at(place: Vectors, mesh: Mesh) -> Vectors:
+    """Return the vertices, (n, 3), with those without a face at a place, (3,)."""
     used = mesh.topology.used_vertices
     return mesh.vertices if used.all() else np.where(used[:, None], mesh.vertices, place)

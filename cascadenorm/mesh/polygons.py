@@ -173,7 +173,7 @@ def _unit_normal_range(
 
 @kernel
 def unit_normal(a: Three, b: Three, c: Three, largest: float) -> Vector:
-    """Return the unit normal of a triangle as `unit_normals` does."""
+    """Return the unit normal of a triangle, zero without area; coordinates are divided by `largest` first."""
     normal = area_vector(divided(a, largest), divided(b, largest), divided(c, largest))
     size = length(normal)
     return divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)

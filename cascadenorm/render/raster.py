@@ -28,7 +28,9 @@ class Painted(NamedTuple):
 
     def without(self, faces: NDArray[np.bool_]) -> "Painted":
         """Return the triangles except those that are marked, (m,)."""
-        return self._replace(faces=self.faces[~faces], places=self.places[~faces], light=self.light[~faces])
+        kept = self.faces[~faces]
+        kept.flags.writeable = False  # as those of meshes, for which the kernels are compiled
+        return self._replace(faces=kept, places=self.places[~faces], light=self.light[~faces])
 
 
 def rasterize(painted: Painted, *, width: int, height: int, samples: int) -> NDArray[np.float64]:

@@ -77,7 +77,7 @@ def view(
     maps = {}
     if own is not None:
         maps = {key: HeatMap(v, own.quantity.at, own.limits, own.quantity.signed) for key, v in own.values.items()}
-    panels = drawn(meshes, VIEW_PICTURE, maps, meshes=alike)
+    panels = drawn(meshes, alike, VIEW_PICTURE, maps)
     caption = f"Meshes: {', '.join(one.label.lower() for one in meshes)}"
     page = frame_page(packed, inline_row(panels, caption), caption, color=color)
     return widget(page=page, picture=png(pixels(montage([panels]))), height=height)

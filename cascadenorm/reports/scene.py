@@ -71,7 +71,7 @@ def viewer_scene(
     the faces of an earlier one is stored as displacements of its vertices. If the scene would have more than MOST_TEXT
     characters, values are quantised more coarsely; if that is not enough, the meshes are decimated.
     """
-    meshes = meshes or scaled(shown)
+    meshes = scaled(shown) if meshes is None else meshes
     frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
     quantities = [*_fields(meshes, frame), *([own] if own else [])]
     most, fewer_steps = MOST_SHOWN_FACES, False

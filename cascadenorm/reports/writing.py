@@ -47,7 +47,7 @@ def check_report(output: str | PathLike[str], *, force: bool) -> Path:
     return path
 
 
-@one_blas_thread()
+@one_blas_thread()  # further threads would spin while they wait for work
 def report(
     output: str | PathLike[str],
     mesh: Any,
@@ -136,7 +136,7 @@ def report_html(
         headline(inspected, done),
         sections,
         tiles=key_figures(inspected, measured, done, meshes),
-        picture=inline_row(drawn(shown, PICTURE, meshes=meshes), caption),
+        picture=inline_row(drawn(shown, meshes, PICTURE), caption),
         caption=caption,
         scene=viewer_scene(shown, found, meshes=meshes),
     )
@@ -203,16 +203,11 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
 
 def drawn(
     shown: Sequence[Given],
+    meshes: Mapping[str, Mesh],
     size: int,
     heat: Mapping[str, HeatMap] = MappingProxyType({}),
-    *,
-    meshes: Mapping[str, Mesh] | None = None,
 ) -> list[Panel]:
-    """Draw all meshes from the best view of the last, some with values as colours, by their keys.
-
-    `meshes` are those of `scaled`; None computes them.
-    """
-    meshes = meshes or scaled(shown)
+    """Draw meshes, as `scaled` returns them, from the best view of the last; some with values as colours, by key."""
     view = Camera.looking_at(meshes[shown[-1].key])
     style: dict[str, Any] = {"view": view, "size": (size, size), "transparent": True}
     return [Panel(render(meshes[one.key], values=heat.get(one.key), **style), one.label) for one in shown]

@@ -89,10 +89,16 @@ def test_an_unfolded_mesh_keeps_its_other_vertices():
     crossed = mesh.vertices.copy()
     crossed[500] += 2 * (crossed[neighbor] - crossed[500])
     assert folds(mesh.moved(crossed), 95) > 0
-    out = mesh.moved(unfolded(mesh.moved(crossed)))
+    out = mesh.moved(unfolded(mesh, crossed))
     assert folds(out, 95) == 0
     moved = np.linalg.norm(mesh.vertices - mesh.vertices[500], axis=1)[(out.vertices != crossed).any(axis=1)]
     assert moved.max() < 4 * mesh.mean_edge_length
+
+
+def test_edges_that_are_sharp_in_the_input_stay():
+    lens = icosphere(3).moved(icosphere(3).vertices * (1, 1, 0.01))
+    assert folds(lens, 95) > 0
+    assert unfolded(lens, lens.vertices).tobytes() == lens.vertices.tobytes()
 
 
 def test_steps_of_an_enlarged_mask_need_no_option():

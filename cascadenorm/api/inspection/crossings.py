@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
 from cascadenorm.mesh import Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
@@ -25,7 +26,8 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
         surface = SurfaceTree(Mesh(mesh.vertices, mesh.faces[proper]))
         order = proper[surface.order]
         named, found = np.ascontiguousarray(places[mesh.faces[order]]), np.empty(len(order), bool)
-        parallel_for(len(order), _crossing, surface.corners, named, surface.boxes, found)
+        arrays = surface.corners, named, surface.boxes, found
+        parallel_for(len(order), _crossing, *arrays, smallest=SMALLEST_COSTLY_CHUNK)
         crossing[order] = found
     return crossing
 
