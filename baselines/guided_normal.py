@@ -13,12 +13,21 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass, spatial_weights
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
-from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import faces_near
 from cascadenorm.geometry.patches.cutting import MeshPatch
 from cascadenorm.geometry.patches.work import active_patching, face_rows
-from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, row_distances
+from cascadenorm.mesh import (
+    SMALLEST_COSTLY_CHUNK,
+    Csr,
+    Floats,
+    Ints32,
+    Mesh,
+    Vectors,
+    kernel,
+    parallel_for,
+    row_distances,
+)
 from cascadenorm.mesh.vectors import add, dot, length, row, scaled, squared_distance, subtract
 from cascadenorm.registry import Parameter, method
 

@@ -7,9 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
-from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.geometry.neighborhoods import UNLIMITED, faces_near, search_faces
-from cascadenorm.mesh import Bools, Csr, Floats, Floats32, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import (
+    SMALLEST_COSTLY_CHUNK,
+    Bools,
+    Csr,
+    Floats,
+    Floats32,
+    Ints32,
+    Mesh,
+    Vectors,
+    kernel,
+    parallel_for,
+)
 from cascadenorm.mesh.vectors import row, squared_distance
 
 MOST_NEIGHBORS = 2048

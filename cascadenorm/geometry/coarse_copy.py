@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.geometry.vertex_clusters import vertex_areas, vertex_clusters
 from cascadenorm.mesh import (
+    SMALLEST_COSTLY_CHUNK,
     Bools,
     Csr,
     Floats,

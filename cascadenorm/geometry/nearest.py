@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
-from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import SMALLEST_COSTLY_CHUNK, Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.ordering import morton_codes
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 

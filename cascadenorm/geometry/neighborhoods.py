@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.mesh import (
+    SMALLEST_COSTLY_CHUNK,
     Csr,
     Floats,
     Index,

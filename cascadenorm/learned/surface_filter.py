@@ -50,12 +50,12 @@ def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Ve
     -------
     (n, 3) vertices.
     """
+    if not measured.any():
+        return vertices
     denoised, components = mesh.moved(vertices), mesh.topology.face_components
     sums = component_sums(turning_angles(mesh, denoised.face_normals)[:, None], mesh)
     turned = component_means(sums)[:, 0]
     measured = measured & (turned > HARDLY_TURNED[0])[components]
-    if not measured.any():
-        return vertices
     sheets = measured & ((openness(sums) > LEAST_OPENNESS) & (turned < LITTLE_TURNED))[components]
     filtered = with_part_moved(denoised, measured & ~sheets, _filtered)
     if sheets.any():

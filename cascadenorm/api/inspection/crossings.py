@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.threads import SMALLEST_COSTLY_CHUNK
 from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
-from cascadenorm.mesh import Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import SMALLEST_COSTLY_CHUNK, Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 MOST_NEAR = 1000  # maximum number of faces that are tested against one face
