@@ -57,8 +57,8 @@ class CoarseCopy(NamedTuple):
         faces, outside = np.empty(len(points), np.int32), np.empty(len(points), bool)
         weights = np.empty((len(points), 3))
         arrays = self.mesh.vertices, self.mesh.faces, topology.vertex_faces, topology.vertex_neighbors, single
-        arrays = points, self.labels, *arrays, faces, weights, outside
-        parallel_for(len(points), _feet_range, *arrays, smallest=SMALLEST_COSTLY_CHUNK)
+        filled = faces, weights, outside
+        parallel_for(len(points), _feet_range, points, self.labels, *arrays, *filled, smallest=SMALLEST_COSTLY_CHUNK)
         return Feet(faces, weights, outside)
 
     def carried_over(self, points: Vectors, vertices: Vectors) -> Vectors:
