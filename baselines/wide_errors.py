@@ -19,6 +19,7 @@ SHARES = 0.6, 0.525, 0.675
 so the facets of a copy, and steps that it mistakes for shape, contribute only a third to the mean."""
 FINISHING_PASSES = 10  # passes of the bilateral filter at the end, which smooths the facets of the copies
 FOLDED_COSINE = math.cos(math.radians(95))  # between the normals of adjacent faces; few shapes have sharper edges
+BLADE_COSINE = math.cos(math.radians(130))  # of edges that are no steps: those of binary masks fold by at most 125°
 UNFOLDING_ROUNDS = 20
 
 
@@ -42,7 +43,8 @@ def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
     """Move the vertices at folded edges to the mean of themselves and their neighbours, for at most UNFOLDING_ROUNDS.
 
     Where steps are closer to each other than the edges of a copy, all of their vertices are carried over from the same
-    place. Vertices on the boundary do not move, and edges that are as sharp in the input stay.
+    place. Vertices on the boundary do not move, and edges stay that are sharper than those of steps in the input: they
+    belong to thin sheets, or join faces of opposite orientation.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
     (n, 3) vertices.
     """
     topology, pairs = mesh.topology, mesh.topology.face_pairs
-    pairs = pairs[pair_products(mesh.face_normals, pairs) >= FOLDED_COSINE]
+    pairs = pairs[pair_products(mesh.face_normals, pairs) >= BLADE_COSINE]
     for _ in range(UNFOLDING_ROUNDS):
         folded = np.zeros(len(vertices), bool)
         cosines = pair_products(mesh.moved(vertices).face_normals, pairs)

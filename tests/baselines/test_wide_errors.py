@@ -95,7 +95,7 @@ def test_an_unfolded_mesh_keeps_its_other_vertices():
     assert moved.max() < 4 * mesh.mean_edge_length
 
 
-def test_edges_that_are_sharp_in_the_input_stay():
+def test_edges_of_thin_sheets_stay():
     lens = icosphere(3).moved(icosphere(3).vertices * (1, 1, 0.01))
     assert folds(lens, 95) > 0
     assert unfolded(lens, lens.vertices).tobytes() == lens.vertices.tobytes()
