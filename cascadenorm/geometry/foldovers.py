@@ -80,12 +80,9 @@ def _harmful_flips(mesh: Mesh, moved: Mesh, among: NDArray[np.bool_]) -> NDArray
         return np.asarray(flipped)
     pairs = mesh.topology.face_pairs
     pairs = pairs[flipped[pairs].any(axis=1)]
-    gain = np.zeros(len(flipped))
-    for pair in (pairs, pairs[:, ::-1]):
-        one, other = pair.T
-        cosines = [np.einsum("ij,ij->i", at.face_normals[one], at.face_normals[other]) for at in (mesh, moved)]
-        gain += np.bincount(one, weights=cosines[1] - cosines[0], minlength=len(gain))
-    return np.asarray(flipped & (gain <= 0))
+    gains = pair_products(moved.face_normals, pairs) - pair_products(mesh.face_normals, pairs)
+    one, other = (np.bincount(side, weights=gains, minlength=len(flipped)) for side in pairs.T)
+    return np.asarray(flipped & (one + other <= 0))
 
 
 def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.quadrics import quadric_normals
 from cascadenorm.learned.features import component_means, component_sums, openness
 from cascadenorm.learned.noise_evidence import turning_angles
-from cascadenorm.mesh import Bools, Mesh, Vectors, part_of, unit, with_part_moved
+from cascadenorm.mesh import Bools, Mesh, Vectors, unit, with_part_moved
 
 SIGMA_S, SIGMA_R, SWEEPS = 0.5, 0.45, 8
 """Settings of the bilateral filter of the result, named as in the method `bilateral-normal`."""
@@ -58,9 +58,7 @@ def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Ve
     measured = measured & (turned > HARDLY_TURNED[0])[components]
     sheets = measured & ((openness(sums) > LEAST_OPENNESS) & (turned < LITTLE_TURNED))[components]
     filtered = with_part_moved(denoised, measured & ~sheets, _filtered)
-    if sheets.any():
-        noisy = mesh if sheets.all() else part_of(mesh, sheets)[0]
-        filtered = with_part_moved(mesh.moved(filtered), sheets, partial(_averaged, noisy))
+    filtered = with_part_moved(denoised.moved(filtered), sheets, _averaged, mesh.vertices)
     shares = np.zeros(len(vertices))
     shares[mesh.faces.ravel()] = np.repeat(np.interp(turned, HARDLY_TURNED, (0, 1))[components], 3)
     return vertices + shares[:, None] * (filtered - vertices)
@@ -72,9 +70,9 @@ def _filtered(mesh: Mesh) -> Vectors:
     return _recovered(mesh, normals_by_patches(mesh, one_pass, receptive_field=1))
 
 
-def _averaged(noisy: Mesh, mesh: Mesh) -> Vectors:
-    """Return the vertices, (n, 3), for the mean of the normals of the network and of the filtered input."""
-    filtered = noisy.moved(bilateral_normal(noisy, iterations=SCAN_PASSES))
+def _averaged(mesh: Mesh, noisy: Vectors) -> Vectors:
+    """Return the vertices, (n, 3), for the mean of the normals of the network and of the filtered input, (n, 3)."""
+    filtered = mesh.moved(bilateral_normal(mesh.moved(noisy), iterations=SCAN_PASSES))
     return _recovered(mesh, unit((1 - SCAN_SHARE) * mesh.face_normals + SCAN_SHARE * filtered.face_normals))
 
 
