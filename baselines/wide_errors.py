@@ -18,7 +18,7 @@ SHARES = 0.6, 0.525, 0.675
 """Edge lengths of the copies, relative to the width of the error. The clusters of each copy are located differently,
 so the facets of a copy, and steps that it mistakes for shape, contribute only a third to the mean."""
 FINISHING_PASSES = 10  # passes of the bilateral filter at the end, which smooths the facets of the copies
-FOLDED_COSINE = math.cos(math.radians(95))  # between the normals of adjacent faces; few shapes have sharper edges
+UNFOLDED_COSINE = math.cos(math.radians(95))  # between the normals of adjacent faces; few shapes have sharper edges
 BLADE_COSINE = math.cos(math.radians(130))  # of edges that are no steps: those of binary masks fold by at most 125°
 UNFOLDING_ROUNDS = 20
 
@@ -62,7 +62,7 @@ def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
     for _ in range(UNFOLDING_ROUNDS):
         folded = np.zeros(len(vertices), bool)
         cosines = pair_products(mesh.moved(vertices).face_normals, pairs)
-        folded[mesh.faces[pairs[cosines < FOLDED_COSINE]]] = True
+        folded[mesh.faces[pairs[cosines < UNFOLDED_COSINE]]] = True
         folded &= ~topology.boundary_vertices
         if not folded.any():
             break

@@ -44,7 +44,7 @@ class Given(NamedTuple):
         return len(data), hashlib.sha256(data).hexdigest()
 
 
-def scaled(shown: Sequence[Given]) -> dict[str, Mesh]:
+def scaled_meshes(shown: Sequence[Given]) -> dict[str, Mesh]:
     """Return the meshes by key, scaled alike to about unit size."""
     return dict(zip((one.key for one in shown), scaled_alike(*(one.mesh for one in shown)), strict=True))
 

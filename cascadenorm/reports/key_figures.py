@@ -22,7 +22,7 @@ def key_figures(
 ) -> list[Tile]:
     """Return the tiles at the top of a report; values of two meshes are shown as before → after.
 
-    `meshes` are the shown meshes by key, as `given.scaled` returns them.
+    `meshes` are the shown meshes by key, as `scaled_meshes` returns them.
     """
     found = [inspection for _, inspection in inspected]
     noise = ("unknown" if one.noise is None else f"{one.noise:.2g}" for one in found)

@@ -15,7 +15,7 @@ from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.geometry.fields import QUANTITIES, Field, Quantity
 from cascadenorm.mesh import Mesh, MeshError, scaled_alike
 from cascadenorm.render import HeatMap, inline_row, montage, pixels, png, render
-from cascadenorm.reports.given import Given, given, scaled
+from cascadenorm.reports.given import Given, given, scaled_meshes
 from cascadenorm.reports.page import frame_page
 from cascadenorm.reports.scene import viewer_scene
 from cascadenorm.reports.writing import drawn
@@ -69,7 +69,7 @@ def view(
     sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
     meshes = [given(key, source) for key, source in sources]
     color, own = _values(meshes, values)
-    alike = scaled(meshes)
+    alike = scaled_meshes(meshes)
     packed = viewer_scene(meshes, (), own=own, meshes=alike)
     if color and all(field["name"] != color for field in packed["fields"]):
         against = "other" if QUANTITIES[color].against == "input" else "truth"

@@ -11,7 +11,7 @@ from cascadenorm.io.content import CHANNELS, channels
 from cascadenorm.mesh import Floats, Mesh, Vectors, scale_between, scaled_alike
 from cascadenorm.render import Camera
 from cascadenorm.reports.decimation import MOST_SHOWN_FACES, Display, decimated
-from cascadenorm.reports.given import Given, scaled
+from cascadenorm.reports.given import Given, scaled_meshes
 from cascadenorm.reports.packing import VALUE_STEPS, in_steps, packed, packed_faces
 from cascadenorm.reports.places import DefectPlace
 
@@ -65,13 +65,13 @@ def viewer_scene(
 ) -> dict[str, Any]:
     """Pack meshes, the quantities on them, values given by the caller, and places of defects.
 
-    `meshes` are those of `scaled`; None computes them.
+    `meshes` are those of `scaled_meshes`; None computes them.
 
     Positions are quantised to LEVELS or FINE_LEVELS along each direction of the bounding box of all meshes. A mesh with
     the faces of an earlier one is stored as displacements of its vertices. If the scene would have more than MOST_TEXT
     characters, values are quantised more coarsely; if that is not enough, the meshes are decimated.
     """
-    meshes = scaled(shown) if meshes is None else meshes
+    meshes = scaled_meshes(shown) if meshes is None else meshes
     frame = _frame(meshes.values(), scale_between(shown[0].mesh, meshes[shown[0].key]))
     quantities = [*_fields(meshes, frame), *([own] if own else [])]
     most, fewer_steps = MOST_SHOWN_FACES, False

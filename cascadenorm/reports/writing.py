@@ -17,7 +17,7 @@ from cascadenorm.mesh import Mesh, MeshError, one_blas_thread
 from cascadenorm.registry import find
 from cascadenorm.render import Camera, HeatMap, Panel, inline_row, render
 from cascadenorm.reports import facts
-from cascadenorm.reports.given import Given, given, scaled
+from cascadenorm.reports.given import Given, given, scaled_meshes
 from cascadenorm.reports.key_figures import InspectedMeshes, MeasuredMeshes, headline, key_figures
 from cascadenorm.reports.page import code, folded, html_list, page, table
 from cascadenorm.reports.places import DefectPlace, places
@@ -130,7 +130,7 @@ def report_html(
     why = _undrawn(shown[0]) if len(shown) == 1 else None
     if why is not None:
         return page(title, [f"There is nothing to show: {why}."], sections)
-    meshes = scaled(shown)  # their normals are used several times
+    meshes = scaled_meshes(shown)  # their normals are used several times
     return page(
         title,
         headline(inspected, done),
@@ -207,7 +207,7 @@ def drawn(
     size: int,
     heat: Mapping[str, HeatMap] = MappingProxyType({}),
 ) -> list[Panel]:
-    """Draw meshes, as `scaled` returns them, from the best view of the last; some with values as colours, by key."""
+    """Draw meshes, those of `scaled_meshes`, from the best view of the last; some with values as colours, by key."""
     view = Camera.looking_at(meshes[shown[-1].key])
     style: dict[str, Any] = {"view": view, "size": (size, size), "transparent": True}
     return [Panel(render(meshes[one.key], values=heat.get(one.key), **style), one.label) for one in shown]
