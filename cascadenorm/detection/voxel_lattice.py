@@ -10,7 +10,7 @@ from cascadenorm.mesh.vectors import Vector, row, subtract
 
 VoxelLattice = NDArray[np.float64]  # (3, 3), the edge vectors of a voxel as rows
 
-MOST_EDGES = 20_000  # largest number of edges evaluated, evenly spaced in order
+MOST_EDGES = 20_000  # number of edges from which only some are evaluated
 SAME_VECTOR = 2e-3  # bin width in mean edge lengths for equal edge vectors and coordinates
 RESOLUTION = 0.02  # bin width in median edge lengths for equal edge vectors in `lattice_share`
 MOST_MULTIPLES = 1e6  # largest multiple of a bin width: three numbers below 2^20 form one key
@@ -23,9 +23,15 @@ ON_NODES = 0.5
 """Least fraction of the vertices on planes of nodes along each axis; marching cubes place two thirds there."""
 
 
+def some_edges(mesh: Mesh) -> Ints32:
+    """Return the vertices of MOST_EDGES to twice as many edges, (e, 2), evenly spaced in order; of all if few."""
+    edges = mesh.topology.edges
+    return np.ascontiguousarray(edges[:: max(1, len(edges) // MOST_EDGES)])
+
+
 def lattice_share(mesh: Mesh) -> float:
     """Return the fraction of edges with the most frequent vectors: near 1 for meshes on a lattice, otherwise near 0."""
-    edges, size = mesh.topology.edges, RESOLUTION * mesh.median_edge_length
+    edges, size = some_edges(mesh), RESOLUTION * mesh.median_edge_length
     if len(edges) < FEWEST_LATTICE_EDGES or size == 0:
         return 0.0
     keys = np.empty(len(edges), np.int64)
@@ -58,7 +64,7 @@ def lattice_of_mask(mesh: Mesh) -> VoxelLattice | None:
 
 def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
     """Return the distinct edge vectors up to sign, or None if there are too many."""
-    ends = mesh.topology.edges[:: max(1, len(mesh.topology.edges) // MOST_EDGES)]
+    ends = some_edges(mesh)
     vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
     keys, sign = _keys(vectors, SAME_VECTOR * edge)
     _, number, counts = np.unique(keys, return_inverse=True, return_counts=True)

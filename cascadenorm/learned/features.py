@@ -139,7 +139,12 @@ def pairwise_features(stack: Stack) -> NDArray[np.float32]:
 
 def _write_pairs(stack: Stack, mean: Array, scale: Array, out: Array) -> None:
     """Write the normalised pairwise features of faces, (d, m). This layout lets all loops be vectorised."""
-    parallel_for(len(stack), _pair_range, np.ascontiguousarray(stack), mean, scale, out)
+    parallel_for(len(stack), _pair_range, by_filter(stack), mean, scale, out)
+
+
+def by_filter(stack: Stack) -> Array:
+    """Return the filtered normals of faces as (k, m, 3), which is their order in memory after `stage_stack`."""
+    return np.ascontiguousarray(stack.transpose(1, 0, 2))
 
 
 class ComponentSums(NamedTuple):
@@ -258,20 +263,20 @@ def openness(sums: ComponentSums) -> Floats:
 
 
 @kernel
-def _pair_range(start: int, stop: int, stack: Floats32, mean: Floats32, scale: Floats32, out: Floats32) -> None:
-    """Write (ln(1 - cos + FLOOR) - mean) * scale for all pairs of normals.
+def _pair_range(start: int, stop: int, normals: Floats32, mean: Floats32, scale: Floats32, out: Floats32) -> None:
+    """Write (ln(1 - cos + FLOOR) - mean) * scale for all pairs of normals of each face, (k, m, 3).
 
     1 - cos is computed as half the squared chord, which is accurate for cos near 1. Iteration f alone writes out[:, f].
     """
-    count = stack.shape[1]
+    count = len(normals)
     axes = np.empty((count, 3, PAIRED_FACES), np.float32)
     for first in range(start, stop, PAIRED_FACES):
         # Transpose a block of faces, so that each component of each normal is contiguous.
         faces = min(PAIRED_FACES, stop - first)
-        for f in range(faces):
-            for i in range(count):
+        for i in range(count):
+            for f in range(faces):
                 for d in range(3):
-                    axes[i, d, f] = stack[first + f, i, d]
+                    axes[i, d, f] = normals[i, first + f, d]
 
         # Compare the normals pair by pair.
         p = 0

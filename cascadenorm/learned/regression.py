@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
-from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler
+from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler, by_filter
 from cascadenorm.learned.stage import Activation, Stage
 from cascadenorm.mesh import Floats32, Mesh, Vectors, in_blocks, kernel, one_blas_thread, unit
 
@@ -88,23 +88,22 @@ class Regression:
 
             def totals(start: int, stop: int) -> Array:
                 rows = slice(start, stop)
-                part = np.ascontiguousarray(stack[rows])
-                return self._sums(part, self.scaler.features(part, context.of(rows)))
+                coefficients = self._coefficients(self.scaler.features(stack[rows], context.of(rows)))
+                return _weighted_sums(coefficients, stack[rows])
 
             return in_blocks(len(stack), totals)
 
-    def _sums(self, stack: Stack, x: Array) -> Array:
-        """Return the weighted sums of the normals of some faces with features x, (m, 3)."""
+    def _coefficients(self, x: Array) -> Array:
+        """Return the coefficients of the normals of faces with features x, (m, k), from the network of each cluster."""
         if len(self.centers) == 1:
-            return _weighted_sums(self._coefficients(0, x), stack)
+            return self._of_cluster(0, x)
         cluster = nearest(x, self.centers)
-        total = np.empty((len(stack), 3), np.float32)
+        coefficients = np.empty((len(x), self.layers[-1][0].shape[-1]), np.float32)
         for c in range(len(self.centers)):
-            mine = cluster == c
-            total[mine] = _weighted_sums(self._coefficients(c, x[mine]), stack[mine])
-        return total
+            coefficients[cluster == c] = self._of_cluster(c, x[cluster == c])
+        return coefficients
 
-    def _coefficients(self, cluster: int, x: Array) -> Array:
+    def _of_cluster(self, cluster: int, x: Array) -> Array:
         """Apply the network of a cluster."""
         *hidden, last = self.layers
         for weight, bias in hidden:
@@ -117,7 +116,7 @@ class Regression:
 def _weighted_sums(coefficients: Array, stack: Stack) -> Array:
     """Sum the normals of each face weighted by its coefficients, (m, k), to (m, 3)."""
     out = np.empty((len(stack), 3), np.float32)
-    _add_weighted(coefficients, stack, out)
+    _add_weighted(coefficients, by_filter(stack), out)
     return out
 
 
@@ -138,14 +137,14 @@ def nearest(x: Array, centers: Array) -> NDArray[np.intp]:
 
 
 @kernel
-def _add_weighted(coefficients: Floats32, stack: Floats32, out: Floats32) -> None:
-    """Compute the sum over k of coefficients[f, k] · stack[f, k]."""
+def _add_weighted(coefficients: Floats32, normals: Floats32, out: Floats32) -> None:
+    """Compute the sum over k of coefficients[f, k] · normals[k, f]."""
     for f in range(len(out)):
         x = y = z = np.float32(0)
         for k in range(coefficients.shape[1]):
-            x += coefficients[f, k] * stack[f, k, 0]
-            y += coefficients[f, k] * stack[f, k, 1]
-            z += coefficients[f, k] * stack[f, k, 2]
+            x += coefficients[f, k] * normals[k, f, 0]
+            y += coefficients[f, k] * normals[k, f, 1]
+            z += coefficients[f, k] * normals[k, f, 2]
         out[f, 0], out[f, 1], out[f, 2] = x, y, z
 
 
