@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 import cascadenorm.baselines  # noqa: F401 - registers its methods, as the learned ones do
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
-from cascadenorm.api.opened_files import JUDGING_METHOD, Denoised, DenoisingSummary, opened_file, written_file
+from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
 from cascadenorm.api.patch_sizes import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.compute.compile_time import Stopwatch
@@ -30,7 +30,7 @@ from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.learned.methods import weights_file
-from cascadenorm.mesh import Vectors, limit_threads
+from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find, registered
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
@@ -110,7 +110,8 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
     with limit_threads(controls["threads"]):
         given = SeamlessMesh.of(mesh if faces is None else (mesh, faces), isolate=controls["on_bad"] == "isolate")
         over = given.controls(controls)
-        return given.moved(run_with_controls(chosen, given.mesh, parameters, over, dtype=given.dtype), controls)
+        applied = run_with_controls(chosen, given.mesh, parameters, over, dtype=given.dtype)
+        return given.moved(applied.vertices, controls)
 
 
 @with_control_parameters
@@ -222,11 +223,10 @@ def denoise_file_with_meshes(
         watch = Stopwatch()
         if limit is None and on_short is not None:
             limit = _memory_for_patches(chosen, given, len(mesh.faces), on_short)
-        removed: list[Vectors] | None = [] if chosen.name == JUDGING_METHOD else None
         with nullcontext() if limit is None else patches_within(limit, len(mesh.faces), scheduler):
-            vertices = run_with_controls(chosen, mesh, given, opened.controls, dtype=dtype, removed=removed)
+            applied = run_with_controls(chosen, mesh, given, opened.controls, dtype=dtype)
         seconds = watch.seconds()
-        return written_file(opened, vertices, chosen, given, every, removed=removed, seconds=seconds, force=force)
+        return written_file(opened, applied, chosen, given, every, seconds=seconds, force=force)
 
 
 def _memory_for_patches(

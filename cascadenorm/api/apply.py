@@ -30,6 +30,7 @@ from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.geometry.volume import with_volume_of
 from cascadenorm.mesh import (
     Ints,
+    Ints32,
     Mesh,
     Renumbered,
     Vectors,
@@ -50,6 +51,36 @@ Note = Callable[[Callable[[], Vectors]], None]
 """Receiver of the vertices that a method returned, which are computed only if they are wanted."""
 
 
+JUDGING_METHOD = "auto"
+"""Method whose displacements tell the kind of error of a mesh."""
+
+
+class Applied(NamedTuple):
+    """A mesh to which a method was applied."""
+
+    vertices: NDArray[Any]  # (n, 3), in the type that was asked for
+    seen: Mesh  # the mesh as the method received it
+    exponent: int  # `seen` is scaled by 2**-exponent
+    places: Ints32  # (n,) index of each vertex in `seen`
+    # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
+    # `remove_detail`; None for other methods, and if no vertex was to be moved
+    denoised: Vectors | None
+
+    @classmethod
+    def elsewhere(cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None) -> "Applied":
+        """Return vertices of a mesh that were computed otherwise, with the displacements by JUDGING_METHOD, (n, 3)."""
+        order, seen, _, exponent = _prepared(without_lines(mesh), None)
+        denoised = None if removed is None else seen.vertices + np.ldexp(removed[order.numbers], -exponent)
+        return cls(vertices, seen, exponent, order.places, denoised)
+
+    @property
+    def removed(self) -> Vectors | None:
+        """(n, 3) displacements from the mesh to `denoised`, in the order and the unit of the mesh."""
+        if self.denoised is None:
+            return None
+        return np.asarray(np.ldexp(self.denoised - self.seen.vertices, self.exponent)[self.places])
+
+
 def run_with_controls(
     method: Method,
     mesh: Mesh,
@@ -58,9 +89,8 @@ def run_with_controls(
     *,
     dtype: Any = np.float64,
     steps: list[Vectors] | None = None,
-    removed: list[Vectors] | None = None,
-) -> NDArray[Any]:
-    """Apply a method to a mesh under checked controls and return a copy of its vertices, (n, 3).
+) -> Applied:
+    """Apply a method to a mesh under checked controls.
 
     The method receives the mesh centered at the origin, scaled by a power of two to about unit size, consistently
     oriented, without degenerate or repeated faces, and in a cache-friendly order. The displacement is added to the
@@ -68,23 +98,26 @@ def run_with_controls(
     that no face references, keep their exact bits.
 
     `steps` holds results of earlier applications of the method, which are reused; new ones are appended. Calls that
-    share this list must have the same arguments, except for strengths of the same `step_key`. An empty `removed`
-    receives the (n, 3) displacements by the first application, before all controls except `remove_detail`.
+    share this list must have the same arguments, except for strengths of the same `step_key`.
 
     Raises ParameterError for a value that is out of range or does not fit the mesh, and DenoiseError if the method
     returned vertices that are not finite.
     """
     checked = _checked_parameters(method, parameters)
     controls = {**controls, "strength": min(controls["strength"], MAX_STRENGTH)}
-    faces, mesh = mesh.faces, without_repeated_faces(without_lines(mesh))
-    weights = vertex_weights(mesh, controls, faces)
-    halo = None if controls["halo"] is None else check_halo(method, parameters, mesh, controls)
+    faces, mesh = mesh.faces, without_lines(mesh)
+    halo = None
+    if controls["halo"] is not None:
+        mesh = without_repeated_faces(mesh)
+        halo = check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)
     for other in (mesh, order.mesh):
         if other.topology is not framed.topology:
             other.forget()  # the method reads the framed mesh only
     free_derived(framed)
-    weights = weights[order.numbers]
+    weights = vertex_weights(mesh, controls, faces)[order.numbers]
+    if controls["boundary"] == "fixed":
+        weights[boundary_edges(framed).vertices] = 0.0
     if REGION in method.settings and may_fix_vertices(controls):
         checked[REGION] = weights > 0
     if halo is not None:
@@ -93,9 +126,11 @@ def run_with_controls(
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
 
+        denoised = list[Vectors]()
+
         def note(vertices: Callable[[], Vectors]) -> None:
-            if removed is not None and not removed:
-                removed.append(np.ldexp(vertices() - framed.vertices, exponent)[order.places])
+            if method.name == JUDGING_METHOD and not denoised:
+                denoised.append(vertices())
 
         step = _step(StepSettings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
         slides = None if controls["slide"] is None else sliding(framed)
@@ -110,7 +145,8 @@ def run_with_controls(
     free_derived(mesh, order.mesh, framed)
     if controls["progress"] is not None:
         controls["progress"](1.0)
-    return displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
+    vertices = displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
+    return Applied(vertices, framed, exponent, order.places, denoised[0] if denoised else None)
 
 
 def step_key(method: Method, strength: float) -> float:
@@ -123,7 +159,7 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
     if halo is None:
         framed, exponent = in_frame(mesh)
         order = ordered_for_cache(framed)
-        return order, *split_into_shells(oriented(order.mesh)), exponent
+        return order, *split_into_shells(oriented(without_repeated_faces(order.mesh))), exponent
     return Renumbered.unchanged(mesh), in_frame_of_whole(mesh, halo.whole), None, halo.whole.frame.exponent
 
 

@@ -1,7 +1,6 @@
 """Read mesh files, write them with new vertices, and summarize the change."""
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from glob import has_magic
 from os import PathLike, fspath
@@ -12,33 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.api.apply import reported_controls
+from cascadenorm.api.apply import Applied, reported_controls
 from cascadenorm.api.dropped_components import Dropped, without_small_components
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError, counted
-from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
-from cascadenorm.mesh import (
-    Mesh,
-    Vectors,
-    in_frame,
-    ordered_for_cache,
-    row_lengths,
-    without_lines,
-    without_repeated_faces,
-)
+from cascadenorm.mesh import Mesh, in_frame, row_lengths, without_lines
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
 from cascadenorm.registry.controls import Controls, parsed_length
-
-JUDGING_METHOD = "auto"
-"""Method whose displacements tell the kind of error of a mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,32 +188,28 @@ def _welded(file: io.MeshFile, distance: float, in_edges: bool) -> io.MeshFile:
 
 def written_file(
     opened: Opened,
-    vertices: NDArray[np.float64],
+    applied: Applied,
     method: Method,
     parameters: dict[str, Any],
     controls: Controls,
     *,
-    removed: Sequence[Vectors] | None,
     seconds: float,
     force: bool,
 ) -> Denoised:
-    """Write a file with new vertices of its mesh, (n, 3), and return the summary.
-
-    The controls are those that the caller gave, and `removed` is what `run_with_controls` returned in that list, or
-    None for other methods than JUDGING_METHOD.
-    """
+    """Write a file with new vertices of its mesh, and return the summary with the controls as the caller gave them."""
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
-    small, exponent = in_frame(without_lines(mesh))
     try:
-        moved = moved_file(file, vertices, mesh, controls)  # formats with integer coordinates round within the limit
+        moved = moved_file(
+            file, applied.vertices, mesh, controls
+        )  # formats with integer coordinates round within the limit
         left_out = io.write(moved, output, format=opened.format, force=force)
     except ReadError as error:  # a fault of the source that only some output formats detect
         raise error.within(source_name(source)) from error.__cause__
 
-    moves = np.ldexp(vertices - mesh.vertices, -exponent)
-    lengths = row_lengths(moves)
-    in_edges = lengths / small.mean_edge_length if small.mean_edge_length > 0 else lengths
+    lengths = row_lengths(np.ldexp(applied.vertices - mesh.vertices, -applied.exponent))
+    edge = applied.seen.mean_edge_length
+    in_edges = lengths / edge if edge > 0 else lengths
     summary = DenoisingSummary(
         source=source_name(source),
         output=fspath(output) if isinstance(output, str | PathLike) else str(getattr(output, "name", "the stream")),
@@ -242,9 +225,9 @@ def written_file(
         mean_displacement=float(in_edges.mean()),
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
-        **detected_error(method, small, exponent, removed, parameters),
+        **detected_error(method, applied, parameters),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
-        nearly_coincident=int(nearly_coincident(small).sum()),
+        nearly_coincident=int(nearly_coincident(applied.seen).sum()),
         weld=opened.weld,
         drop_components=opened.drop_components,
         dropped_components=opened.dropped.components if opened.dropped else 0,
@@ -254,20 +237,16 @@ def written_file(
     return Denoised(summary, file, moved)
 
 
-def detected_error(
-    method: Method, small: Mesh, exponent: int, removed: Sequence[Vectors] | None, parameters: dict[str, Any]
-) -> dict[str, Any]:
-    """Classify the error of a mesh in its frame as `inspect` does, and return the kind of surface that `auto` chose.
+def detected_error(method: Method, applied: Applied, parameters: dict[str, Any]) -> dict[str, Any]:
+    """Classify the error of a mesh as `inspect` does, and return the kind of surface that `auto` chose.
 
-    The displacements by the method alone, `removed`, decide, because strength and limits do not change the error.
+    The displacements by the method alone decide, because strength and limits do not change the error.
     """
-    if method.name != JUDGING_METHOD or not removed:
+    if applied.denoised is None:
         return {"error": None, "treated_as": None}
-    order = ordered_for_cache(oriented(without_repeated_faces(small)))
-    denoised = order.mesh.vertices + np.ldexp(removed[0][order.numbers], -exponent)
     return {
-        "error": error_kind(order.mesh, denoised, exponent=exponent),
-        "treated_as": mesh_treatment(order.mesh, **method.with_defaults(parameters)),
+        "error": error_kind(applied.seen, applied.denoised, exponent=applied.exponent),
+        "treated_as": mesh_treatment(applied.seen, **method.with_defaults(parameters)),
     }
 
 

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.controls.boundary import boundary_edges
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh, first_places
 from cascadenorm.registry.controls import Controls
@@ -21,8 +20,8 @@ def may_fix_vertices(controls: Controls) -> bool:
 def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return (n,) factors of the strength: the mask, with 0 for fixed, unselected and unreferenced vertices.
 
-    `faces` are those that `only` refers to, which may be more than those of the mesh. Raises ParameterError if mask,
-    fixed or only has the wrong shape or type, or is out of range.
+    A fixed boundary is not included. `faces` are those that `only` refers to, which may be more than those of the mesh.
+    Raises ParameterError if mask, fixed or only has the wrong shape or type, or is out of range.
     """
     count = len(mesh.vertices)
     weights = np.zeros(count)
@@ -33,8 +32,6 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
         weights[_indices("fixed", np.asarray(controls["fixed"]), count, "vertex", "vertices")] = 0.0
     if controls["only"] is not None:
         weights[faces[~selected_faces(controls["only"], len(faces))]] = 0.0
-    if controls["boundary"] == "fixed":
-        weights[boundary_edges(mesh).vertices] = 0.0
     return weights
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.api.apply import reported_controls
+from cascadenorm.api.apply import Applied, reported_controls
 from cascadenorm.api.opened_files import Opened, written_file
 from cascadenorm.errors import MeshError, OutputError
 from cascadenorm.execution.progress import Listener
@@ -47,11 +47,10 @@ def save(
     opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
     done = written_file(
         opened,
-        result.vertices,
+        Applied.elsewhere(bench.mesh, result.vertices),  # the page has told the kind of error already
         asked.method,
         asked.parameters,
         asked.controls,
-        removed=(),  # the page has told the kind of error already
         seconds=result.seconds,
         force=force,
     )

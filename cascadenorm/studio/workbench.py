@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
-from cascadenorm.api.apply import run_with_controls, step_key
+from cascadenorm.api.apply import Applied, run_with_controls, step_key
 from cascadenorm.api.opened_files import detected_error
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.compute.compile_time import Stopwatch
@@ -18,7 +19,7 @@ from cascadenorm.errors import CascadenormError, MeshError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.files import beside
 from cascadenorm.io.interop import mesh_of_file
-from cascadenorm.mesh import Mesh, Vectors, in_frame, limit_threads, without_lines
+from cascadenorm.mesh import Mesh, Vectors, limit_threads
 from cascadenorm.registry.controls import CONTROLS, Controls, parsed_length
 from cascadenorm.reports.decimation import Display, decimated
 from cascadenorm.reports.given import Given
@@ -52,12 +53,15 @@ class StudioResult(NamedTuple):
     treated_as: str | None
 
 
-class KnownSteps(NamedTuple):
-    """Results of a method on the whole and the coarse mesh, and `removed`, as for `run_with_controls`."""
+@dataclass
+class KnownSteps:
+    """Results of a method on the whole and the coarse mesh, as for `run_with_controls`."""
 
     whole: list[Vectors]
     coarse: list[Vectors]
-    removed: list[Vectors]
+    # error, treated_as: as in `StudioResult`
+    error: str | None = None
+    treated_as: str | None = None
 
 
 def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes:
@@ -179,34 +183,29 @@ class Workbench:
         if known is None:
             asked = self.asked(settings)
             watch = Stopwatch()
-            vertices = self._controlled(asked, listener)
-            known = StudioResult(vertices, watch.seconds(), *self._error(asked))
+            applied, steps = self._controlled(asked, listener), self._steps_of(asked)
+            seconds = watch.seconds()
+            if applied.denoised is not None:
+                for name, found in detected_error(asked.method, applied, asked.parameters).items():
+                    setattr(steps, name, None if found is None else str(found))
+            known = StudioResult(applied.vertices, seconds, steps.error, steps.treated_as)
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]
         return known
 
-    def _error(self, asked: Chosen) -> tuple[str | None, str | None]:
-        """Return the kind of error of the mesh and what the mesh was treated as, in words."""
-        small, exponent = in_frame(without_lines(self.mesh))
-        found = detected_error(asked.method, small, exponent, self._steps_of(asked).removed, asked.parameters)
-        error, treated_as = (None if found[name] is None else str(found[name]) for name in ("error", "treated_as"))
-        return error, treated_as
-
-    def _controlled(self, asked: Chosen, listener: Listener) -> NDArray[Any]:
+    def _controlled(self, asked: Chosen, listener: Listener) -> Applied:
         controls: Controls = {**asked.controls, "progress": listener}
         dtype = self.file.positions.dtype
         with limit_threads(controls["threads"]):
-            steps, _, removed = self._steps_of(asked)
-            return run_with_controls(
-                asked.method, self.mesh, asked.parameters, controls, dtype=dtype, steps=steps, removed=removed
-            )
+            steps = self._steps_of(asked).whole
+            return run_with_controls(asked.method, self.mesh, asked.parameters, controls, dtype=dtype, steps=steps)
 
     def _preview(self, coarse: Coarse, asked: Chosen, listener: Listener) -> bytes:
         controls: Controls = {**coarse.controls(asked.controls, self.mesh), "progress": listener}
         with limit_threads(controls["threads"]):
             steps = self._steps_of(asked).coarse
-            vertices = run_with_controls(asked.method, coarse.mesh, asked.parameters, controls, steps=steps)
+            vertices = run_with_controls(asked.method, coarse.mesh, asked.parameters, controls, steps=steps).vertices
         before, after = (io.from_arrays(v, coarse.mesh.faces) for v in (coarse.mesh.vertices, vertices))
         meshes = [Given("before", self.name, before), Given("after", self.target, after)]
         return packed_scene(viewer_scene(meshes, []), faces=len(self.mesh.faces))
@@ -222,7 +221,5 @@ class Workbench:
             self._steps_key, self._steps = key, {}
         step = step_key(asked.method, asked.controls["strength"])
         if step not in self._steps:
-            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {
-                step: KnownSteps([], [], [])
-            }
+            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: KnownSteps([], [])}
         return self._steps[step]

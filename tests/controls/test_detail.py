@@ -41,7 +41,7 @@ def share(wide: float) -> float:
 def moved(displacement: Vectors, mesh: Mesh = BALL, **controls) -> Vectors:
     """What the controls leave of a displacement that a method would give."""
     method = Method("stand-in", lambda seen: seen.vertices + displacement * seen.diagonal / mesh.diagonal, "", {})
-    return run_with_controls(method, mesh, {}, checked_controls(controls)) - mesh.vertices
+    return run_with_controls(method, mesh, {}, checked_controls(controls)).vertices - mesh.vertices
 
 
 @pytest.mark.parametrize("degree", [2, 5, 8])

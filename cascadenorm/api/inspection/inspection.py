@@ -29,7 +29,6 @@ from cascadenorm.geometry.small_components import component_count, small_compone
 from cascadenorm.learned.methods import MeshTreatment
 from cascadenorm.mesh import (
     Mesh,
-    Vectors,
     any_in_rows,
     bad_faces,
     bad_vertices,
@@ -268,20 +267,19 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "resolution": step / edge if edge and np.isfinite(step / edge) else None,
         "treads": treads(facing),
         "bumps": bumps(facing) if len(mesh.faces) <= MOST_FACES_DENOISED else None,
-        **_noise_and_error(mesh, small, exponent, noise_level(facing)),
+        **_noise_and_error(mesh, small, noise_level(facing)),
     }
 
 
-def _noise_and_error(mesh: Mesh, small: Mesh, exponent: int, noise: float | None) -> dict[str, Any]:
+def _noise_and_error(mesh: Mesh, small: Mesh, noise: float | None) -> dict[str, Any]:
     """Return noise, kind of error and kind of surface, determined as in `denoise`.
 
-    `small` and the exponent are the mesh in its frame, and `noise` is estimated from the mesh alone.
+    `small` is the mesh in its frame, and `noise` is estimated from the mesh alone.
     """
     if len(mesh.faces) > MOST_FACES_DENOISED or not small.mean_edge_length**2 > 0:
         return {"noise": noise, "error": None, "treated_as": None}
-    auto, removed = find("auto"), list[Vectors]()
-    run_with_controls(auto, mesh, {}, checked_controls({}), removed=removed)
-    found = detected_error(auto, small, exponent, removed, {})
+    auto = find("auto")
+    found = detected_error(auto, run_with_controls(auto, mesh, {}, checked_controls({})), {})
     # Without enough interior edges for an estimate, an error that `auto` finds is still the noise.
     known = noise is not None or found["error"].size >= LEAST_ERROR
     return {"noise": found["error"].size if known else None, **found}

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cascadenorm.api.api import DEFAULT_METHOD
-from cascadenorm.api.apply import run_with_controls
+from cascadenorm.api.apply import Applied, run_with_controls
 from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_file
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.mesh import Bools, Ints, Mesh, Vectors, connected_components, limit_threads
+from cascadenorm.mesh import Bools, Ints, Mesh, connected_components, limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
@@ -117,13 +117,11 @@ def denoise_region_files(
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
         watch = Stopwatch()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
-        moved = _denoise_together(chosen, regions, given)
+        applied = _denoise_together(chosen, regions, given)
         seconds = watch.seconds()
         return [
-            written_file(
-                file, of.vertices, chosen, given, every, removed=of.removed, seconds=seconds, force=force
-            ).summary
-            for file, of in zip(opened, moved, strict=True)
+            written_file(file, of, chosen, given, every, seconds=seconds, force=force).summary
+            for file, of in zip(opened, applied, strict=True)
         ]
 
 
@@ -135,18 +133,11 @@ class Region(NamedTuple):
     dtype: np.dtype[Any]
 
 
-class Moved(NamedTuple):
-    """The new vertices of a region in its type, and the displacements `removed` as `run_with_controls` returns them."""
-
-    vertices: NDArray[Any]
-    removed: list[Vectors]
-
-
-def _denoise_together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[Moved]:
+def _denoise_together(method: Method, regions: Sequence[Region], parameters: dict[str, Any]) -> list[Applied]:
     """Denoise regions; those that share vertices are denoised together."""
     if not regions:
         raise MeshError("no meshes are given", hint="give at least one")
-    out: dict[int, Moved] = {}
+    out: dict[int, Applied] = {}
     first, groups = coincident_vertices([region.mesh for region in regions])
     owners = np.repeat(groups, [len(region.mesh.vertices) for region in regions])
     for group in np.unique(groups):
@@ -156,27 +147,27 @@ def _denoise_together(method: Method, regions: Sequence[Region], parameters: dic
     return [out[i] for i in range(len(regions))]
 
 
-def _denoise_group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[Moved]:
+def _denoise_group(method: Method, regions: Sequence[Region], first: Ints, parameters: dict[str, Any]) -> list[Applied]:
     """Denoise one group of regions; `first` maps each vertex to the first one it coincides with."""
-    removed: list[Vectors] = []
     if len(regions) == 1:
         only = regions[0]
-        moved = run_with_controls(method, only.mesh, parameters, only.controls, dtype=only.dtype, removed=removed)
-        return [Moved(moved, removed)]
+        return [run_with_controls(method, only.mesh, parameters, only.controls, dtype=only.dtype)]
 
     # Join the regions into one mesh of the coarsest type, so that every region can hold the result
     whole, vertices = join_meshes([region.mesh for region in regions], first)
     over = weld_controls(_concatenated(regions), vertices.astype(np.int32))
     coarsest = min((region.dtype for region in regions), key=lambda kind: kind.itemsize)
-    moved = run_with_controls(method, whole, parameters, over, dtype=coarsest, removed=removed)
+    applied = run_with_controls(method, whole, parameters, over, dtype=coarsest)
+    moved, removed = applied.vertices, applied.removed
 
     # Distribute the vertices to the regions; unmoved vertices keep their own bits
     still = (moved == whole.vertices.astype(coarsest)).all(axis=1)
     ends = np.cumsum([len(region.mesh.vertices) for region in regions])[:-1]
     return [
-        Moved(
+        Applied.elsewhere(
+            region.mesh,
             np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype),
-            [removed[0][rows]] if removed else [],
+            None if removed is None else removed[rows],
         )
         for region, rows in zip(regions, np.split(vertices, ends), strict=True)
     ]
