@@ -50,7 +50,8 @@ def iterated_bilateral_normals(
     rings, own, weights = _ring_weights(mesh)
     steepness = (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)  # range weight: (1 - steepness · chord²)^8
     assert len(steepness) == LANES
-    normals = np.repeat(mesh.face_normals.astype(np.float32)[:, :, None], LANES, axis=2)
+    normals = np.empty((*mesh.face_normals.shape, LANES), np.float32)
+    normals[:] = mesh.face_normals[:, :, None]
     after = np.empty_like(normals)
     out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
     out[:, 0] = mesh.face_normals

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from typing import Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,12 +52,23 @@ class ComponentKinds(NamedTuple):
     probabilities: Floats  # (c,) probability that it is one; NaN for vertices without a face
 
 
+_known: WeakKeyDictionary[Mesh, tuple[Gate, ComponentKinds]] = WeakKeyDictionary()
+"""The last result of `component_kinds` for each mesh, which `auto` and the summary of its result both need."""
+
+
 def component_kinds(gate: Gate, mesh: Mesh) -> ComponentKinds:
     """Classify each connected component of a mesh; small components (see SMALL_SHARE) are classified together.
 
     Closed components with few distinct triangle shapes also count as measured surfaces if they have the steps of a
     binary mask (see `is_segmentation`).
     """
+    known = _known.get(mesh)
+    if known is None or known[0] is not gate:
+        known = _known[mesh] = gate, _classified(gate, mesh)
+    return known[1]
+
+
+def _classified(gate: Gate, mesh: Mesh) -> ComponentKinds:
     components = mesh.topology.face_components
     counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
     small = counts < SMALL_SHARE * len(components)

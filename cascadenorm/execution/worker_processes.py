@@ -8,7 +8,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from threading import Thread
@@ -115,19 +115,22 @@ def first_ready(workers: "Sequence[Worker[Sent, Received]]", seconds: float | No
 
 
 def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
-    """Process the jobs that arrive, each with its limit of threads for kernels and libraries, and send the results."""
-    from threadpoolctl import threadpool_limits
+    """Process the jobs that arrive, each with its limit of threads for kernels, and send the results."""
+    from cascadenorm.compute.threads import limit_threads, one_blas_thread  # loads numerical packages
 
-    from cascadenorm.compute.threads import limit_threads  # loads numerical packages
-
-    while True:
-        try:
-            job, threads = link.recv()
-        except (EOFError, OSError):
-            return
-        with limit_threads(threads), threadpool_limits(threads):
-            result = work(job)
-        link.send(result)
+    with ExitStack() as after_first:
+        limited = False
+        while True:
+            try:
+                job, threads = link.recv()
+            except (EOFError, OSError):
+                return
+            with limit_threads(threads):
+                result = work(job)
+            link.send(result)
+            if not limited:  # all libraries are loaded by now; each limit takes about a millisecond
+                after_first.enter_context(one_blas_thread())
+                limited = True
 
 
 def _run(link: Connection, serve: Callable[[Connection], object]) -> None:
