@@ -23,6 +23,7 @@ PAGES = {
     "public-pairs": ("README.md", "accuracy.pairs.table"),
     "validation": ("benchmarks/accuracy.md", "accuracy.pairs.table"),
     "low-noise": ("benchmarks/accuracy.md", "accuracy.clean.low_noise_table"),
+    "packaged-models": ("benchmarks/accuracy.md", "accuracy.packaged_models.table"),
     "real-errors": ("benchmarks/accuracy.md", "accuracy.kinds.table"),
     "peers": ("benchmarks/accuracy.md", "accuracy.kinds.peer_table"),
     "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),

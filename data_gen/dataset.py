@@ -31,8 +31,10 @@ CLEAN_SHARES: dict[ErrorPart, float] = {
     "decimated": 0.75,
     "structured": 0.7,
     "subdivided": 0.7,
+    "modelled": 0.7,
     "isosurface": 0.4,
     "tessellation": 1.0,  # such triangles never come from a measurement
+    "terrain": 1.0,  # noise on a grid counts as that of a scanner
 }
 """Share of the meshes without noise, as modelling programs export them, if the noise kinds include "none"."""
 MORE_RELIEF: dict[ErrorPart, float] = {"isosurface": 3.0}
@@ -180,7 +182,7 @@ def pair(config: DatasetConfig, index: int) -> Pair:
         made = _drawn(config, index, level=level)
         return Pair(*made, name, "none" if family.measured else kind, level)
     clean = clean_mesh(config, index)
-    modelled = not family.seen and family.part != "tessellation"
+    modelled = not family.seen and CLEAN_SHARES.get(family.part) != 1
     if modelled and rng.random() < config.relief * MORE_RELIEF.get(family.part, 1.0):
         clean = clean.moved(clean.vertices + relief(clean, rng=rng))
         if config.has_clean_meshes:

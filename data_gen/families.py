@@ -8,7 +8,8 @@ import numpy as np
 
 from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
 from cascadenorm.data_gen.meshing.decimate import thinned
-from cascadenorm.data_gen.meshing.structured import structured_mesh, subdivided_cage
+from cascadenorm.data_gen.meshing.modelled import modelled_mesh
+from cascadenorm.data_gen.meshing.structured import structured_mesh, subdivided_cage, terrain_mesh
 from cascadenorm.data_gen.meshing.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.meshing.tessellation import tessellate
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface, tetrahedral_surface
@@ -20,6 +21,7 @@ from cascadenorm.data_gen.shapes import cad, organic
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import log_uniform
 from cascadenorm.data_gen.shapes.solids import engraved, polyhedron
+from cascadenorm.mesh import Mesh
 
 FINER = 3.0, 14.0  # ratio of the number of faces before decimation to that after it
 WIDEST_STEPS = 2.2  # largest ratio of the steps of a laser scanner
@@ -28,7 +30,7 @@ USUAL_AREA = 7.0  # area of a shape, which extends to about 1 from the origin
 Shape = Callable[[float, np.random.Generator], DistanceField]
 ErrorPart = Literal[
     "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
-    "tetrahedra", "isosurface", "points", "tessellation", "structured", "subdivided",
+    "tetrahedra", "isosurface", "points", "tessellation", "structured", "terrain", "subdivided", "modelled",
 ]  # fmt: skip
 """What a mesh shows.
 
@@ -45,12 +47,17 @@ ErrorPart = Literal[
 - "points": the surface reconstructed from noisy points.
 - "tessellation": faces of a CAD model, each triangulated.
 - "structured": a surface over a grid of parameters.
-- "subdivided": a subdivided cage.
+- "terrain": heights over a grid.
+- "subdivided": a subdivided cage of triangles.
+- "modelled": a subdivided and sculpted cage of quadrilaterals.
 """
 
 
 MEASUREMENTS: dict[ErrorPart, Callable[..., Measured]] = {
     "fused": fused, "tomogram": tomogram, "tetrahedra": tetrahedral_surface, "points": reconstruction,
+}  # fmt: skip
+MESHES: dict[ErrorPart, Callable[..., Mesh]] = {
+    "tessellation": cad_part, "structured": structured_mesh, "terrain": terrain_mesh, "modelled": modelled_mesh,
 }  # fmt: skip
 
 
@@ -58,8 +65,8 @@ MEASUREMENTS: dict[ErrorPart, Callable[..., Measured]] = {
 class ShapeFamily:
     """A family of random shapes."""
 
-    # draws a field, given the expected edge length, below which detail would be lost; None for CAD tessellations and
-    # structured surfaces, which are not made from a field
+    # draws a field, given the expected edge length, below which detail would be lost; None for the parts in MESHES,
+    # which are not made from a field
     shape: Shape | None
     weight: float  # how often the family is drawn, relative to the others
     sharp: bool  # whether edges of the shape become edges of the mesh
@@ -83,8 +90,7 @@ class ShapeFamily:
         of the result are equal.
         """
         if self.shape is None:
-            parametric = self.part != "tessellation"
-            mesh = structured_mesh(faces=faces, rng=rng) if parametric else cad_part(faces=faces, rng=rng)
+            mesh = MESHES[self.part](faces=faces, rng=rng)
             return Measured.on_surface(mesh, mesh)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
@@ -149,6 +155,8 @@ SHAPE_FAMILIES: dict[str, ShapeFamily] = {
     "decimated": ShapeFamily(any_of(GROWN, GROWN, OBJECTS), 0.9, sharp=True, part="decimated"),
     "subdivided": ShapeFamily(any_of(GROWN, OBJECTS), 0.9, sharp=True, part="subdivided"),
     "structured": ShapeFamily(None, 0.9, sharp=False, part="structured"),
+    "terrain": ShapeFamily(None, 0.9, sharp=False, part="terrain"),
+    "modelled": ShapeFamily(None, 0.9, sharp=False, part="modelled"),
     "segmentation": ShapeFamily(OBJECTS, 0.9, sharp=True, part="mask"),
     "slices": ShapeFamily(OBJECTS, 0.9, sharp=True, part="slices"),
     "tomogram": ShapeFamily(OBJECTS, 0.9, sharp=True, part="tomogram"),

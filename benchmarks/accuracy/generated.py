@@ -4,7 +4,8 @@
     python -m benchmarks.accuracy.generated extractors [--shapes 8] [--voxels 60] [--record]
 
 `levels` meshes each shape with real kinds of error from weak to strong: from grey volumes with more and more grain,
-from points with larger and larger errors, and with error that is correlated over several edges. `extractors` labels
+from points with larger and larger errors, and with error that is correlated over several edges; and simulates laser
+scans of other shapes with larger and larger errors. `extractors` labels
 each shape on a lattice and meshes the mask by VTK in several ways (extra `pyvista`). The tables have the mean angle to
 the true surface by area, in degrees; both are shown in benchmarks/accuracy.md.
 """
@@ -22,6 +23,7 @@ from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
 from cascadenorm.data_gen.noise.noise import displacements
+from cascadenorm.data_gen.noise.sensor import laser_displacements
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.volumes import tomogram
@@ -57,10 +59,18 @@ def bumpy(family: ShapeFamily, edges: float, rng: np.random.Generator) -> Measur
     return Measured.on_surface(noisy, clean)
 
 
+def scanned(_: ShapeFamily, edges: float, rng: np.random.Generator) -> Measured:
+    """Scan a shape of the family `laser` by a laser scanner with an error in mean edge lengths."""
+    clean = SHAPE_FAMILIES["laser"].make(faces=FACES, rng=rng).clean
+    moves = laser_displacements(clean, edges * clean.mean_edge_length, rng=rng)
+    return Measured.on_surface(clean.moved(clean.vertices + moves), clean)
+
+
 ERRORS: dict[str, tuple[Maker, float]] = {
     **{f"tomogram, grain of {share:.0%} of the contrast": (grainy, share) for share in (0.02, 0.05, 0.1, 0.15)},
     **{f"points off by {gaps:g} of their distance": (reconstructed, gaps) for gaps in (0.25, 0.5, 1.0, 2.0)},
     **{f"correlated error of {edges:g} edges": (bumpy, edges) for edges in (0.1, 0.2, 0.4, 0.8)},
+    **{f"laser scan with an error of {edges:g} edges": (scanned, edges) for edges in (0.05, 0.1, 0.2)},
 }
 
 

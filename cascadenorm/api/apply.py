@@ -50,7 +50,6 @@ Step = Callable[[Mesh], Vectors]
 Note = Callable[[Callable[[], Vectors]], None]
 """Receiver of the vertices that a method returned, which are computed only if they are wanted."""
 
-
 JUDGING_METHOD = "auto"
 """Method whose displacements tell the kind of error of a mesh."""
 
@@ -125,7 +124,6 @@ def run_with_controls(
     limit = framed_length("max_displacement", controls["max_displacement"], framed, exponent)
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
-
         denoised = list[Vectors]()
 
         def note(vertices: Callable[[], Vectors]) -> None:

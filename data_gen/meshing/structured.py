@@ -103,6 +103,13 @@ def _terrain(faces: int, rng: np.random.Generator) -> Mesh:
     return Mesh(points * (2 / rows), grid_faces(rows, columns, around=(False, False), rng=rng)[:, ::-1])
 
 
+def terrain_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
+    """Make a terrain with about `faces` faces; raise UnfitShapeError if it is invalid."""
+    mesh = _terrain(faces, rng)
+    fit(mesh)
+    return mesh
+
+
 STRUCTURED: tuple[Callable[[int, np.random.Generator], Mesh], ...] = (_torus, _revolved, _terrain)
 
 

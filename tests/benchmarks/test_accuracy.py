@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from shapes import grid, icosphere, noisy
 
 from benchmarks import results, running
-from benchmarks.accuracy import clean, kinds, pairs, scans
+from benchmarks.accuracy import clean, kinds, packaged_models, pairs, scans
 from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
@@ -109,6 +110,20 @@ def test_clean_files_have_a_row_each_and_a_mean(tmp_path, capsys):
     rows = rows_of(printed)
     assert rows["ball.ply"][2] == rows["sheet.ply"][2] == rows["mean"][2] == "0.00"
     assert "`laplacian:iterations=0`: 2 of 2 within" in printed
+
+
+def test_models_of_a_package_are_found_in_its_archive_and_counted_by_package(tmp_path, capsys):
+    with zipfile.ZipFile(tmp_path / "some-1.whl", "w") as wheel:
+        wheel.writestr("some/ball.OBJ", "a mesh")
+        wheel.writestr("some/code.py", "no mesh")
+    assert list(packaged_models.mesh_files(tmp_path / "some-1.whl")) == [("some/ball.OBJ", b"a mesh")]
+    for package, mesh in (("first", icosphere(3)), ("second", noisy(icosphere(3), 0.2))):
+        (tmp_path / "models" / package).mkdir(parents=True)
+        save_mesh(tmp_path / "models" / package / "ball.ply", mesh)
+    packaged_models.main([str(tmp_path / "models")])
+    rows = rows_of(capsys.readouterr().out)
+    assert rows["first"] == ["1", "0.00", "0", "0"]
+    assert rows["second"][2:] == rows["all"][2:] == ["1", "0"]
 
 
 def scan_truth(mesh: Mesh, **changes) -> dict[str, np.ndarray]:

@@ -5,7 +5,7 @@ import pytest
 from shapes import icosphere
 
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.meshing.structured import grid_faces, structured_mesh, subdivided_cage
+from cascadenorm.data_gen.meshing.structured import grid_faces, structured_mesh, subdivided_cage, terrain_mesh
 from cascadenorm.mesh import Mesh
 
 
@@ -28,6 +28,12 @@ def test_structured_meshes_are_consistently_oriented_manifolds_of_the_wanted_siz
     assert is_manifold(mesh)
     assert 2000 < len(mesh.faces) < 4500
     assert (mesh.topology.balance[mesh.topology.interior_edges] == 0).all()
+
+
+def test_a_terrain_has_one_height_above_each_post():
+    mesh = terrain_mesh(faces=2000, rng=np.random.default_rng(0))
+    assert len(np.unique(mesh.vertices[:, :2], axis=0)) == len(mesh.vertices)
+    assert len(np.unique(np.sign(mesh.face_normals[:, 2]))) == 1
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -28,15 +28,16 @@ FOLDS = 5
 
 GATE_DATA = DatasetConfig(
     seed=1_000_099,
-    count=3000,
+    count=4000,
     families=(
         "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
         "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "low_poly", "low_poly",
         "decimated", "decimated", "decimated", "subdivided", "subdivided", "structured", "structured", "structured",
-        "cad_tessellation", "cad_tessellation", "view", "view", "view", "view", "view", "laser", "laser", "laser",
-        "laser", "laser", "laser", "fused", "fused", "segmentation", "segmentation", "segmentation", "slices",
-        "slices", "slices", "tomogram", "tomogram", "tomogram", "tetrahedra", "tetrahedra", "points", "points",
-        "points",
+        "terrain", "terrain", "terrain", "terrain", "modelled", "modelled", "modelled", "modelled",
+        "cad_tessellation", "cad_tessellation", "cad_tessellation", "view", "view", "view", "view", "view", "laser",
+        "laser", "laser", "laser", "laser", "laser", "fused", "fused", "segmentation", "segmentation", "segmentation",
+        "slices", "slices", "slices", "tomogram", "tomogram", "tomogram", "tetrahedra", "tetrahedra", "points",
+        "points", "points",
     ),
     min_faces=1200,
     max_faces=12_000,
@@ -66,7 +67,7 @@ class GateConfig:
     """
 
     seed: int = 0
-    trees: int = 200
+    trees: int = 150
     least: int = 4
     data: DatasetConfig = field(default_factory=lambda: GATE_DATA)
 
