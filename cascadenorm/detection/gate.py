@@ -16,7 +16,7 @@ Treatment = Literal["vertex-noise", "measured-surface", "unknown"]
 volumes, scanners, cameras and point clouds, `unknown` for meshes whose triangles do not show what they come from, such
 as coarse copies."""
 
-THRESHOLD = 0.57  # probability above which a component is treated as a measured surface
+THRESHOLD = 0.6  # probability above which a component is treated as a measured surface
 # The forest mistakes components with sides along the lattice of the mask for tessellated shapes.
 REPEATED = 0.5  # fraction of triangles with the 16 most frequent shapes above which a closed component may be a mask
 SMALL_SHARE = 0.005  # components with a smaller fraction of the faces of the mesh are classified together

@@ -28,7 +28,7 @@ FOLDS = 5
 
 GATE_DATA = DatasetConfig(
     seed=1_000_099,
-    count=4000,
+    count=6000,
     families=(
         "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
         "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "low_poly", "low_poly",
@@ -68,7 +68,7 @@ class GateConfig:
 
     seed: int = 0
     trees: int = 150
-    least: int = 4
+    least: int = 6
     data: DatasetConfig = field(default_factory=lambda: GATE_DATA)
 
 
