@@ -71,8 +71,9 @@ def _skin(boxes: Ints, rng: np.random.Generator) -> tuple[Vectors, Quads]:
     corners = np.concatenate(found)
     nodes, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     points = np.empty(nodes.shape)
+    low, high = np.log(WIDTHS).tolist()
     for axis, along in enumerate(nodes.T):
-        widths = np.exp(rng.uniform(*np.log(WIDTHS), np.ptp(along)))
+        widths = np.exp(rng.uniform(low, high, int(np.ptp(along))))
         points[:, axis] = np.concatenate([[0], np.cumsum(widths)])[along - along.min()]
     size = np.ptp(points, axis=0).max()
     bends = [noise(wavelength=rng.uniform(0.4, 1.2) * size, rng=rng) for _ in range(3)]
