@@ -89,10 +89,10 @@ def mesh_files(archive: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def measured(folder: Path) -> dict[str, Any]:
-    """Return how `auto` changes each model: by how many degrees, and whether most of it is a measured surface to it."""
+    """Return for each package how many models `auto` changes, by how many degrees, and how many are surfaces to it."""
     found: dict[str, Any] = {}
     for package in sorted(path for path in folder.iterdir() if path.is_dir()):
-        models = found[package.name] = {}
+        angles, surfaces = list[float](), 0
         for path in sorted(package.iterdir()):
             try:
                 mesh = as_mesh(path)
@@ -100,8 +100,12 @@ def measured(folder: Path) -> dict[str, Any]:
                 print(f"{path.name}: {error}", flush=True)
                 continue
             if FACES[0] <= len(mesh.faces) <= FACES[1]:
-                models[path.name] = change, treatment = changed(mesh)
-                print(f"{path.name}: {change:.2f}°, {treatment}", flush=True)
+                angle, treatment = changed(mesh)
+                print(f"{path.name}: {angle:.2f}°, {treatment}", flush=True)
+                angles.append(angle)
+                surfaces += treatment == "measured-surface"
+        visibly = sum(angle > VISIBLE for angle in angles)
+        found[package.name] = {"models": len(angles), "angles": sum(angles), "changed": visibly, "surfaces": surfaces}
     return found
 
 
@@ -118,16 +122,12 @@ def changed(mesh: Mesh) -> tuple[float, str]:
 
 def table(figures: results.Figures) -> str:
     """Return a row for each package, and one for all models."""
-    rows = [_row(package, list(models.values())) for package, models in figures.items()]
-    return results.markdown(
-        TITLES, [*rows, _row("all", [one for models in figures.values() for one in models.values()])]
-    )
-
-
-def _row(name: str, models: Sequence[Any]) -> list[str]:
-    angles = np.array([angle for angle, _ in models])
-    surfaces = sum(treatment == "measured-surface" for _, treatment in models)
-    return [name, f"{len(models):,}", f"{angles.mean():.2f}", str(int((angles > VISIBLE).sum())), str(surfaces)]
+    every = {name: sum(package[name] for package in figures.values()) for name in next(iter(figures.values()))}
+    rows = [
+        [package, f"{of['models']:,}", f"{of['angles'] / of['models']:.2f}", str(of["changed"]), str(of["surfaces"])]
+        for package, of in {**figures, "all": every}.items()
+    ]
+    return results.markdown(TITLES, rows)
 
 
 if __name__ == "__main__":

@@ -200,9 +200,8 @@ def written_file(
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
     try:
-        moved = moved_file(
-            file, applied.vertices, mesh, controls
-        )  # formats with integer coordinates round within the limit
+        # formats with integer coordinates round within the limit
+        moved = moved_file(file, applied.vertices, mesh, controls)
         left_out = io.write(moved, output, format=opened.format, force=force)
     except ReadError as error:  # a fault of the source that only some output formats detect
         raise error.within(source_name(source)) from error.__cause__
