@@ -68,7 +68,8 @@ class DatasetConfig:
     # families that cameras see, and to half of their meshes. If it is the only kind, it applies to all meshes
     noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
     # share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise if the noise
-    # kinds include "none". Shapes measured by cameras or in volumes and CAD tessellations get no relief
+    # kinds include "none". Shapes measured by cameras or in volumes and parts that never have noise get
+    # no relief
     relief: float = 0.0
     # noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of their
     # own, and half of them are drawn uniformly

@@ -21,14 +21,13 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 from benchmarks import results
+from benchmarks.accuracy.generated import angle
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.opened_files import detected_error
 from cascadenorm.errors import CascadenormError
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.mesh import Mesh, angles_between
+from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 
@@ -100,11 +99,11 @@ def measured(folder: Path) -> dict[str, Any]:
                 print(f"{path.name}: {error}", flush=True)
                 continue
             if FACES[0] <= len(mesh.faces) <= FACES[1]:
-                angle, treatment = changed(mesh)
-                print(f"{path.name}: {angle:.2f}°, {treatment}", flush=True)
-                angles.append(angle)
+                turned, treatment = changed(mesh)
+                print(f"{path.name}: {turned:.2f}°, {treatment}", flush=True)
+                angles.append(turned)
                 surfaces += treatment == "measured-surface"
-        visibly = sum(angle > VISIBLE for angle in angles)
+        visibly = sum(turned > VISIBLE for turned in angles)
         found[package.name] = {"models": len(angles), "angles": sum(angles), "changed": visibly, "surfaces": surfaces}
     return found
 
@@ -113,11 +112,9 @@ def changed(mesh: Mesh) -> tuple[float, str]:
     """Return the mean change of the face normals by area in degrees, and what `auto` treats a mesh as."""
     auto = find("auto")
     applied = run_with_controls(auto, mesh, {}, checked_controls({}))
-    after = mesh.moved(applied.vertices)
-    sized = mesh.face_normals.any(axis=1)
-    angles = np.degrees(angles_between(mesh.face_normals[sized], after.face_normals[sized]))
     treated = detected_error(auto, applied, {})["treated_as"]
-    return round(float(np.average(angles, weights=mesh.areas[sized])), 3), treated.treatment if treated else "unchanged"
+    turned = angle(mesh, mesh.moved(applied.vertices).face_normals)
+    return round(turned, 3), treated.treatment if treated else "unchanged"
 
 
 def table(figures: results.Figures) -> str:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError, fit
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import log_uniform, random_direction
-from cascadenorm.mesh import Ints, Mesh, Vectors
+from cascadenorm.mesh import Ints, Mesh, Vectors, scatter_add
 
 CAGE_QUADS = 12, 600  # fewest and most quadrilaterals of a cage
 STRAIGHT = 0.6  # probability that the next box continues the last one, which forms limbs
@@ -95,12 +95,11 @@ def subdivided(points: Vectors, quads: Quads) -> tuple[Vectors, Quads]:
     ends = np.stack([quads, np.roll(quads, -1, axis=1)], axis=2)
     edges, of_sides = np.unique(np.sort(ends.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
     of_sides = of_sides.reshape(quads.shape)
-    halves, beside = points[edges].mean(axis=1), np.zeros((len(edges), 3))
-    np.add.at(beside, of_sides, middles[:, None])
+    halves = points[edges].mean(axis=1)
+    beside = scatter_add(of_sides.ravel(), np.repeat(middles, 4, axis=0), len(edges))
     valence = np.bincount(quads.ravel(), minlength=count)[:, None]
-    around, along = np.zeros((2, count, 3))
-    np.add.at(around, quads, middles[:, None])
-    np.add.at(along, edges, halves[:, None])
+    around = scatter_add(quads.ravel(), np.repeat(middles, 4, axis=0), count)
+    along = scatter_add(edges.ravel(), np.repeat(halves, 2, axis=0), count)
     moved = (around / valence + 2 * along / valence + (valence - 3) * points) / valence
     at_edges, at_middles = count + of_sides, count + len(edges) + np.arange(len(quads))[:, None]
     fine = np.stack([quads, at_edges, np.broadcast_to(at_middles, quads.shape), np.roll(at_edges, 1, axis=1)], axis=2)
