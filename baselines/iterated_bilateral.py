@@ -1,6 +1,7 @@
 """Face normals after many bilateral passes, with four range spreads filtered side by side."""
 
 import warnings
+from collections.abc import Iterator
 
 import numpy as np
 from numba.extending import overload
@@ -20,13 +21,9 @@ SLOW = (
 
 
 def iterated_bilateral_normals(
-    mesh: Mesh,
-    *,
-    sigma_r: tuple[float, float, float, float],
-    passes: tuple[int, ...],
-    out: NDArray[np.float32] | None = None,
-) -> NDArray[np.float32]:
-    """Filter the face normals bilaterally over one ring of faces, and return them after each number of passes.
+    mesh: Mesh, *, sigma_r: tuple[float, float, float, float], passes: tuple[int, ...]
+) -> Iterator[NDArray[np.float32]]:
+    """Filter the face normals bilaterally over one ring of faces, and yield them after each number of passes.
 
     The range weight is (1 - u/8)^8, which approximates e^-u and is zero for u ≥ 8. Because it needs no exponential,
     vector instructions can filter all σ_r at once.
@@ -39,13 +36,11 @@ def iterated_bilateral_normals(
         Spreads of the chords between unit normals; infinity disables the range weight. The spatial spread σ_s is one
         mean edge length.
     passes
-        p numbers of passes, ascending.
-    out
-        (m, 1 + 4 p, 3) array for the result; None allocates one.
+        Numbers of passes, ascending.
 
-    Returns
-    -------
-    (m, 1 + 4 p, 3) unit normals: the face normal, then for each number of passes the results of all σ_r.
+    Yields
+    ------
+    (m, 4, 3) unit normals for the four σ_r. The next passes overwrite them.
     """
     rings, own, weights = _ring_weights(mesh)
     steepness = (0.125 * 0.5 / np.array(sigma_r) ** 2).astype(np.float32)  # range weight: (1 - steepness · chord²)^8
@@ -53,16 +48,12 @@ def iterated_bilateral_normals(
     normals = np.empty((*mesh.face_normals.shape, LANES), np.float32)
     normals[:] = mesh.face_normals[:, :, None]
     after = np.empty_like(normals)
-    out = np.empty((len(normals), 1 + LANES * len(passes), 3), np.float32) if out is None else out
-    out[:, 0] = mesh.face_normals
     mesh.forget_geometry()  # the passes need memory, and these arrays are computed quickly
     for done in track(passes[-1]):
         parallel_for(len(normals), _bilateral_range, normals, own, rings, weights, steepness, after)
         normals, after = after, normals
         if done + 1 in passes:
-            first = 1 + LANES * passes.index(done + 1)
-            parallel_for(len(normals), _keep_range, normals, out[:, first : first + LANES])
-    return out
+            yield normals.transpose(0, 2, 1)
 
 
 def _ring_weights(mesh: Mesh) -> tuple[Csr, NDArray[np.float32], NDArray[np.float32]]:
@@ -123,15 +114,6 @@ def _compiled(f, normals, own, rings, weights, steepness, out):  # type: ignore[
     return lambda f, normals, own, rings, weights, steepness, out: filter_lanes(  # type: ignore[call-arg]
         f, normals, own, rings, weights, steepness, out
     )
-
-
-@kernel
-def _keep_range(start: int, stop: int, normals: Floats32, out: Floats32) -> None:
-    """Copy normals, (m, 3, k), to (m, k, 3)."""
-    for f in range(start, stop):
-        for r in range(normals.shape[2]):
-            for d in range(3):
-                out[f, r, d] = normals[f, d, r]
 
 
 @kernel

@@ -1,5 +1,7 @@
 """Face normals after smoothing passes over the vertices."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,21 +10,29 @@ from cascadenorm.mesh.vectors import add, cross, divided, length, row, scaled, s
 
 
 def smoothed_normals(
-    mesh: Mesh,
-    along: Vectors | NDArray[np.float32],
-    passes: tuple[int, ...],
-    *,
-    sigma_r: float = np.inf,
-    out: NDArray[np.float32] | None = None,
-) -> NDArray[np.float32]:
-    """Return the face normals after each number of smoothing passes, which move vertices along fixed directions.
+    mesh: Mesh, along: Vectors | NDArray[np.float32], passes: tuple[int, ...], *, sigma_r: float = np.inf
+) -> Iterator[NDArray[np.float32]]:
+    """Smooth the vertices along fixed directions, and yield the face normals after each number of passes.
 
     In each pass, a vertex moves along its own normal to the mean height of itself and its neighbours (umbrella
     operator, Taubin 1995), so triangles keep their shape within the surface. Where a surface bends, the normal of a
-    face depends on this shape, which averages of normals ignore. Vertices move along the area-weighted sums of `along`,
-    (m, 3) face normals that are smoother than those of the mesh. Neighbours are weighted by the chord between their
-    directions with the spread σ_r; infinity gives all the same weight. The p numbers of passes ascend. Returns (m, p,
-    3) unit normals, in `out` if it is given. A face without area keeps its normal.
+    face depends on this shape, which averages of normals ignore.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with m faces.
+    along
+        (m, 3) face normals that are smoother than those of the mesh. Vertices move along their area-weighted sums.
+    passes
+        Numbers of passes, ascending.
+    sigma_r
+        Spread of the chord between the directions of a vertex and of its neighbours, by which these are weighted;
+        infinity gives all the same weight.
+
+    Yields
+    ------
+    (m, 3) unit normals. A face without area keeps its normal. The next passes overwrite them.
     """
     directions = np.empty_like(mesh.vertices)
     single = np.ascontiguousarray(along, np.float32)  # one type, compiled once
@@ -30,13 +40,13 @@ def smoothed_normals(
     directions = unit(directions)
     neighbors, spread = mesh.topology.vertex_neighbors, 0.5 / sigma_r**2
     positions, after = mesh.vertices.copy(), np.empty_like(mesh.vertices)
-    out = np.empty((len(mesh.faces), len(passes), 3), np.float32) if out is None else out
+    normals = np.empty(mesh.faces.shape, np.float32)
     for done in range(1, passes[-1] + 1):
         parallel_for(len(positions), _smooth_range, positions, directions, neighbors, spread, after)
         positions, after = after, positions
         if done in passes:
-            parallel_for(len(out), _normal_range, positions, mesh.faces, mesh.face_normals, out[:, passes.index(done)])
-    return out
+            parallel_for(len(normals), _normal_range, positions, mesh.faces, mesh.face_normals, normals)
+            yield normals
 
 
 @kernel

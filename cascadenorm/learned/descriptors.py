@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.iterated_bilateral import iterated_bilateral_normals
 from cascadenorm.baselines.normal_filter_bank import filtered_normals
 from cascadenorm.baselines.smoothed_normals import smoothed_normals
+from cascadenorm.learned.packed_normals import PackedNormals, pack, unpacked
 from cascadenorm.mesh import Floats, Floats32, Mesh
 
 SIGMA_S = (1.0, 2.0)
@@ -80,7 +81,7 @@ class Descriptor(NamedTuple):
     size
         k, the number of filtered normals per face.
     fill
-        Function that writes them to a stack, (m, k, 3).
+        Function that writes them to packed normals, (m, k, 3).
     rings
         Number of edges within which the normals depend on the mesh, if filters B and G use rings of faces.
     filters
@@ -88,28 +89,49 @@ class Descriptor(NamedTuple):
     """
 
     size: int
-    fill: Callable[[Stack, Mesh, Mesh, Neighborhood], None]
+    fill: Callable[[PackedNormals, Mesh, Mesh, Neighborhood], None]
     rings: int
     filters: int = 0
+
+
+def _pack_own(out: PackedNormals, mesh: Mesh) -> None:
+    """Write the face normals to the first of the packed normals."""
+    pack(mesh.face_normals.astype(np.float32)[:, None], out[:, :1])
 
 
 def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, times: int, own: bool = False) -> Descriptor:
     """Return B-FND, with or without G-FND, optionally preceded by the face normal, as `times` successive filters."""
 
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
-        out[:, int(own) :] = describe(mesh, neighborhood)
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+        pack(describe(mesh, neighborhood), out[:, int(own) :])
         if own:
-            out[:, 0] = mesh.face_normals
+            _pack_own(out, mesh)
 
     return Descriptor(own + count, fill, times * RINGS, times)
 
 
 def _iterated(passes: tuple[int, ...]) -> Descriptor:
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
-        iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes, out=out)
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+        _pack_own(out, mesh)
+        each = iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes)
+        for place, normals in zip(range(1, out.shape[1], len(ITERATED_SIGMA_R)), each, strict=True):
+            pack(normals, out[:, place : place + len(ITERATED_SIGMA_R)])
         mesh.topology.forget_adjacent_faces()  # later filters need memory, but not these relations
 
     return Descriptor(1 + len(ITERATED_SIGMA_R) * len(passes), fill, passes[-1])
+
+
+def _pack_smoothed(
+    out: PackedNormals, mesh: Mesh, along: Floats | Stack, passes: tuple[int, ...], *, sigma_r: float = np.inf
+) -> None:
+    """Write the normals between smoothed vertices, one for each number of passes."""
+    for place, normals in enumerate(smoothed_normals(mesh, along, passes, sigma_r=sigma_r)):
+        pack(normals[:, None], out[:, place : place + 1])
+
+
+def _direction(out: PackedNormals) -> Stack:
+    """Return the iterated normals along which vertices are smoothed, (m, 3)."""
+    return unpacked(out[:, SMOOTHING_DIRECTION : SMOOTHING_DIRECTION + 1])[:, 0]
 
 
 def _smoothing(passes: tuple[int, ...]) -> int:
@@ -120,9 +142,9 @@ def _smoothing(passes: tuple[int, ...]) -> int:
 def _first() -> Descriptor:
     iterated = _iterated(ITERATED_PASSES)
 
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         iterated.fill(out[:, : iterated.size], mesh, noisy, neighborhood)
-        smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], SMOOTH_PASSES, out=out[:, iterated.size :])
+        _pack_smoothed(out[:, iterated.size :], mesh, _direction(out), SMOOTH_PASSES)
 
     return Descriptor(iterated.size + len(SMOOTH_PASSES), fill, max(iterated.rings, _smoothing(SMOOTH_PASSES)))
 
@@ -131,11 +153,11 @@ def _later() -> Descriptor:
     """Filter the current mesh, and smooth the noisy mesh along the current normals, which can restore detail."""
     iterated, passes = _iterated(LATER_ITERATED_PASSES), LATER_SMOOTH_PASSES
 
-    def fill(out: Stack, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         bilateral, smoothed, of_noisy = np.split(out, [iterated.size, iterated.size + len(passes)], axis=1)
         iterated.fill(bilateral, mesh, noisy, neighborhood)
-        smoothed_normals(mesh, out[:, SMOOTHING_DIRECTION], passes, out=smoothed)
-        smoothed_normals(noisy, mesh.face_normals, passes, sigma_r=SMOOTH_SIGMA_R, out=of_noisy)
+        _pack_smoothed(smoothed, mesh, _direction(out), passes)
+        _pack_smoothed(of_noisy, noisy, mesh.face_normals, passes, sigma_r=SMOOTH_SIGMA_R)
 
     return Descriptor(iterated.size + 2 * len(passes), fill, max(iterated.rings, _smoothing(passes)))
 

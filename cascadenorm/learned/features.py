@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.compute.elementary import logf
 from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.learned.descriptors import Stack
+from cascadenorm.learned.packed_normals import PackedNormals, unpacked
 from cascadenorm.mesh import (
     Bools,
     Floats,
@@ -61,7 +62,7 @@ class FeatureScaler:
     context_mean: Array
     context_scale: Array
 
-    def context(self, stack: Stack, mesh: Mesh, sums: "ComponentSums | None" = None) -> "Context":
+    def context(self, stack: PackedNormals, mesh: Mesh, sums: "ComponentSums | None" = None) -> "Context":
         """Average the principal components of the features around each vertex, and compute the openness.
 
         Parameters
@@ -81,13 +82,13 @@ class FeatureScaler:
         return_freed_memory(freed)
         return context_features(means, mesh, sums)
 
-    def sums(self, stack: Stack, mesh: Mesh, among: Bools) -> "ComponentSums":
+    def sums(self, stack: PackedNormals, mesh: Mesh, among: Bools) -> "ComponentSums":
         """Sum the inputs of the context features over the given faces, (m,) bool, of each component."""
         return component_sums(self._principal(stack[among]), mesh, among)
 
-    def _principal(self, stack: Stack) -> Array:
+    def _principal(self, stack: PackedNormals) -> Array:
         """Return the principal components of the features of faces, (m, p)."""
-        return in_blocks(len(stack), lambda i, j: self._own(stack[i:j]) @ self.projection)
+        return in_blocks(len(stack), lambda i, j: self._own(unpacked(stack[i:j])) @ self.projection)
 
     def features(self, stack: Stack, context: Array) -> Array:
         """Return the normalised features of faces: their own, then those of their context.
@@ -143,8 +144,8 @@ def _write_pairs(stack: Stack, mean: Array, scale: Array, out: Array) -> None:
 
 
 def by_filter(stack: Stack) -> Array:
-    """Return the filtered normals of faces as (k, m, 3), which is their order in memory after `stage_stack`."""
-    return np.ascontiguousarray(stack.transpose(1, 0, 2))
+    """Return the filtered normals of faces as (k, 3, m), which is their order in memory after `unpacked`."""
+    return np.ascontiguousarray(stack.transpose(1, 2, 0))
 
 
 class ComponentSums(NamedTuple):
@@ -264,25 +265,17 @@ def openness(sums: ComponentSums) -> Floats:
 
 @kernel
 def _pair_range(start: int, stop: int, normals: Floats32, mean: Floats32, scale: Floats32, out: Floats32) -> None:
-    """Write (ln(1 - cos + FLOOR) - mean) * scale for all pairs of normals of each face, (k, m, 3).
+    """Write (ln(1 - cos + FLOOR) - mean) * scale for all pairs of normals of each face, (k, 3, m).
 
     1 - cos is computed as half the squared chord, which is accurate for cos near 1. Iteration f alone writes out[:, f].
     """
-    count = len(normals)
-    axes = np.empty((count, 3, PAIRED_FACES), np.float32)
     for first in range(start, stop, PAIRED_FACES):
-        # Transpose a block of faces, so that each component of each normal is contiguous.
-        faces = min(PAIRED_FACES, stop - first)
-        for i in range(count):
-            for f in range(faces):
-                for d in range(3):
-                    axes[i, d, f] = normals[i, first + f, d]
-
-        # Compare the normals pair by pair.
+        some, faces = slice(first, min(first + PAIRED_FACES, stop)), min(PAIRED_FACES, stop - first)
         p = 0
-        for i in range(count):
-            for j in range(i + 1, count):
-                (x0, y0, z0), (x1, y1, z1), row = axes[i], axes[j], out[p, first : first + faces]
+        for i in range(len(normals)):
+            x0, y0, z0 = normals[i, 0, some], normals[i, 1, some], normals[i, 2, some]
+            for j in range(i + 1, len(normals)):
+                x1, y1, z1, row = normals[j, 0, some], normals[j, 1, some], normals[j, 2, some], out[p, some]
                 for f in range(faces):
                     x, y, z = x0[f] - x1[f], y0[f] - y1[f], z0[f] - z1[f]
                     apart = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)

@@ -26,9 +26,9 @@ IR_VERSION = 9
 def stage_model(stage: Regression) -> bytes:
     """Return a stage as an ONNX model that computes `Regression.normals` up to rounding.
 
-    The inputs are float32: stack (m, k, 3), the filtered normals of m faces from `stage_stack`, and, if the stage has
-    context features, context (m, c), the columns of `FeatureScaler.context`. The output is normals (m, 3), float32 unit
-    vectors; where the weighted sum vanishes, the first filtered normal. m is a dynamic dimension.
+    The inputs are float32: stack (m, k, 3), the filtered normals of m faces (`stage_stack`, `unpacked`), and, if the
+    stage has context features, context (m, c), the columns of `FeatureScaler.context`. The output is normals (m, 3),
+    float32 unit vectors; where the weighted sum vanishes, the first filtered normal. m is a dynamic dimension.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.compute.elementary import expf
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
 from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler, by_filter
+from cascadenorm.learned.packed_normals import PackedNormals, no_normals, unpacked
 from cascadenorm.learned.stage import Activation, Stage
 from cascadenorm.mesh import Floats32, Mesh, Vectors, in_blocks, kernel, one_blas_thread, unit
 
@@ -62,7 +63,7 @@ class Regression:
             layers=tuple((arrays[f"weight{n}"], arrays[f"bias{n}"]) for n in range(1, count + 1)),
         )
 
-    def normals(self, mesh: Mesh, stack: Stack, sums: ComponentSums | None = None) -> Vectors:
+    def normals(self, mesh: Mesh, stack: PackedNormals, sums: ComponentSums | None = None) -> Vectors:
         """Regress the true normal of each face.
 
         Parameters
@@ -79,17 +80,17 @@ class Regression:
         -------
         (m, 3) float64 unit normals. Where the weighted sum vanishes, the first filtered normal is returned.
         """
-        return unit(self._all_sums(mesh, stack, sums), otherwise=stack[:, 0])
+        return unit(self._all_sums(mesh, stack, sums), otherwise=unpacked(stack[:, :1])[:, 0])
 
-    def _all_sums(self, mesh: Mesh, stack: Stack, sums: ComponentSums | None) -> Array:
+    def _all_sums(self, mesh: Mesh, stack: PackedNormals, sums: ComponentSums | None) -> Array:
         """Return the weighted sums of the normals of each face, (m, 3). The context is released on return."""
         with one_blas_thread():  # the blocks already run on several threads
             context = self.scaler.context(stack, mesh, sums)
 
             def totals(start: int, stop: int) -> Array:
-                rows = slice(start, stop)
-                coefficients = self._coefficients(self.scaler.features(stack[rows], context.of(rows)))
-                return _weighted_sums(coefficients, stack[rows])
+                some = unpacked(stack[start:stop])
+                coefficients = self._coefficients(self.scaler.features(some, context.of(slice(start, stop))))
+                return _weighted_sums(coefficients, some)
 
             return in_blocks(len(stack), totals)
 
@@ -115,18 +116,15 @@ class Regression:
 
 def _weighted_sums(coefficients: Array, stack: Stack) -> Array:
     """Sum the normals of each face weighted by its coefficients, (m, k), to (m, 3)."""
-    out = np.empty((len(stack), 3), np.float32)
-    _add_weighted(coefficients, by_filter(stack), out)
-    return out
+    out = np.zeros((3, len(stack)), np.float32)
+    _add_weighted(np.ascontiguousarray(coefficients.T), by_filter(stack), out)
+    return out.T
 
 
-def stage_stack(settings: Stage, mesh: Mesh, noisy: Mesh) -> Stack:
-    """Filter the normals of a mesh for a stage, (m, k, 3).
-
-    The memory layout is (k, m, 3), so that each filter writes contiguously.
-    """
+def stage_stack(settings: Stage, mesh: Mesh, noisy: Mesh) -> PackedNormals:
+    """Filter the normals of a mesh for a stage, (m, k, 3)."""
     descriptor = DESCRIPTORS[settings.descriptor]
-    stack = np.empty((descriptor.size, len(mesh.faces), 3), np.float32).transpose(1, 0, 2)
+    stack = no_normals(len(mesh.faces), descriptor.size)
     descriptor.fill(stack, mesh, noisy, settings.neighborhood)
     return stack
 
@@ -138,14 +136,12 @@ def nearest(x: Array, centers: Array) -> NDArray[np.intp]:
 
 @kernel
 def _add_weighted(coefficients: Floats32, normals: Floats32, out: Floats32) -> None:
-    """Compute the sum over k of coefficients[f, k] · normals[k, f]."""
-    for f in range(len(out)):
-        x = y = z = np.float32(0)
-        for k in range(coefficients.shape[1]):
-            x += coefficients[f, k] * normals[k, f, 0]
-            y += coefficients[f, k] * normals[k, f, 1]
-            z += coefficients[f, k] * normals[k, f, 2]
-        out[f, 0], out[f, 1], out[f, 2] = x, y, z
+    """Add coefficients[k, f] · normals[k, :, f] to out[:, f] for all k."""
+    for k in range(len(normals)):
+        for d in range(3):
+            factors, values, sums = coefficients[k], normals[k, d], out[d]
+            for f in range(len(sums)):
+                sums[f] += factors[f] * values[f]
 
 
 def _tanh(x: Floats32, bias: Floats32) -> None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from cascadenorm.baselines.normal_filter_bank import faces_added
 from cascadenorm.geometry.patches.cutting import MeshPatch
 from cascadenorm.geometry.patches.work import HALO_MARGIN, Patching, active_patching, each_patch, face_rows
-from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S, Stack
+from cascadenorm.learned.descriptors import CUTOFF, DESCRIPTORS, SIGMA_S
 from cascadenorm.learned.features import CONTEXT_STEPS, ComponentSums
+from cascadenorm.learned.packed_normals import PackedNormals
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
@@ -57,7 +58,7 @@ class _Filtered(NamedTuple):
     """Filtered normals of a patch, (j, k, 3), with a halo as wide as the context features need."""
 
     patch: MeshPatch
-    stack: Stack
+    stack: PackedNormals
 
 
 def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching) -> Vectors:
@@ -134,7 +135,7 @@ def _without_context(stage: Regression, patch: MeshPatch, noisy: Vectors) -> Vec
     return stage.normals(patch.mesh, _stack(stage.settings, patch, noisy))
 
 
-def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> Stack:
+def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> PackedNormals:
     """Filter the normals of a patch. Raises TooNarrow if filters reach beyond the halo."""
     filters = DESCRIPTORS[settings.descriptor].filters
     if filters and settings.neighborhood == "distance":

@@ -13,6 +13,7 @@ from cascadenorm.io.atomic import write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.learned.descriptors import SIGMA_R, SIGMA_S, bilateral_descriptor
 from cascadenorm.learned.methods import shipped
+from cascadenorm.learned.packed_normals import unpacked
 from cascadenorm.learned.regression import nearest, stage_stack
 from cascadenorm.mesh import angles_between
 from cascadenorm.render import Camera, Panel, montage, pixels, png, render
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     stage = model.stages[0]
     stack = stage_stack(stage.settings, noisy, noisy)
     context = stage.scaler.context(stack, noisy).of()
-    cluster = nearest(stage.scaler.features(stack, context), stage.centers)
+    cluster = nearest(stage.scaler.features(unpacked(stack), context), stage.centers)
     bilateral = bilateral_descriptor(noisy, stage.settings.neighborhood)
     normals = stage.normals(noisy, stack)
     first, *_, last = model.steps(noisy)

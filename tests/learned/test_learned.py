@@ -1,5 +1,6 @@
 import json
 from dataclasses import asdict, replace
+from itertools import product
 from typing import get_args
 
 import numpy as np
@@ -42,6 +43,7 @@ from cascadenorm.learned.features import (
     openness,
     pairwise_features,
 )
+from cascadenorm.learned.packed_normals import no_normals, pack, unpacked
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training.networks import Network
@@ -77,7 +79,14 @@ def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
 
 def iterated(mesh: Mesh) -> np.ndarray:
     """Iterated bilateral normals as the first stage has them."""
-    return iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=ITERATED_PASSES)
+    own = mesh.face_normals.astype(np.float32)[:, None]
+    each = iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=ITERATED_PASSES)
+    return np.concatenate([own, *(normals.copy() for normals in each)], axis=1)
+
+
+def smoothed(mesh: Mesh, along: np.ndarray, passes: tuple[int, ...], sigma_r: float = np.inf) -> np.ndarray:
+    """Normals between smoothed vertices, (m, p, 3)."""
+    return np.stack([normals.copy() for normals in smoothed_normals(mesh, along, passes, sigma_r=sigma_r)], axis=1)
 
 
 def stage_settings(descriptor: str, *, activation: str = "tanh") -> Stage:
@@ -132,11 +141,25 @@ def test_a_neighborhood_by_distance_holds_the_gaussian_and_two_rings_do_not():
 
 def test_the_own_normal_stands_before_the_filtered_ones():
     before = MESH.moved(1.1 * MESH.vertices + 0.1 * icosphere(2).vertices)
-    plain = stage_stack(stage_settings("B"), before, MESH)
-    np.testing.assert_array_equal(plain, bilateral_descriptor(before, "distance"))
-    both = stage_stack(stage_settings("n+B"), before, MESH)
+    plain = unpacked(stage_stack(stage_settings("B"), before, MESH))
+    np.testing.assert_allclose(plain, bilateral_descriptor(before, "distance"), atol=3e-7)
+    both = unpacked(stage_stack(stage_settings("n+B"), before, MESH))
     np.testing.assert_array_equal(both[:, 1:], plain)
-    np.testing.assert_array_equal(both[:, 0], before.face_normals.astype(np.float32))
+    np.testing.assert_allclose(both[:, 0], before.face_normals, atol=3e-7)
+
+
+def test_packed_normals_differ_by_the_rounding_of_single_precision():
+    rng = np.random.default_rng(0)
+    some = unit(rng.normal(size=(2000, 3)))
+    axes = np.concatenate(
+        [np.eye(3), -np.eye(3), unit(np.array(list(product((-1, 0, 1), (-1, 0, 1), (-1, 1))), float))]
+    )
+    close = unit(axes + 1e-6 * rng.normal(size=axes.shape))
+    normals = np.concatenate([some, axes, close, np.zeros((1, 3))]).astype(np.float32)
+    packed = no_normals(len(normals), 2)
+    pack(np.stack([normals, -normals], axis=1), packed)
+    np.testing.assert_allclose(unpacked(packed), np.stack([normals, -normals], axis=1), atol=3e-7, rtol=0)
+    np.testing.assert_array_equal(unpacked(packed)[-1], 0)
 
 
 def test_descriptors_of_a_plane_are_its_normal_and_their_angles_vanish():
@@ -203,7 +226,7 @@ def compact(guide: np.ndarray, sigma_r: float) -> np.ndarray:
 @pytest.mark.parametrize("sigma_r", [np.inf, 0.35])
 def test_smoothed_vertices_take_the_mean_height_of_themselves_and_their_neighbours(sigma_r):
     along = iterated(MESH)[:, SMOOTHING_DIRECTION]
-    found = smoothed_normals(MESH, along, (1, 3), sigma_r=sigma_r)
+    found = smoothed(MESH, along, (1, 3), sigma_r)
     around = np.zeros((len(MESH.vertices), 3))
     np.add.at(around, MESH.faces.ravel(), np.repeat(MESH.areas[:, None] * along, 3, axis=0))
     directions = unit(around)
@@ -224,7 +247,7 @@ def test_smoothed_vertices_know_the_shape_of_triangles_and_averaged_normals_do_n
     points = grid(30, 30).vertices - (15, 15, 0)
     bowl = Mesh(points + 0.02 * (points**2).sum(axis=1)[:, None] * (0, 0, 1), grid(30, 30).faces)
     averaged = iterated(bowl)[:, SMOOTHING_DIRECTION].astype(float)
-    between = smoothed_normals(bowl, averaged, (4,))[:, 0].astype(float)
+    between = smoothed(bowl, averaged, (4,))[:, 0].astype(float)
     inner = np.abs(bowl.centroids[:, :2]).max(axis=1) < 5
     error = [angles_between(found[inner], bowl.face_normals[inner]).mean() for found in (between, averaged)]
     assert error[0] < 0.1 * error[1]
@@ -232,7 +255,7 @@ def test_smoothed_vertices_know_the_shape_of_triangles_and_averaged_normals_do_n
 
 def test_faces_without_area_keep_their_normals_between_smoothed_vertices():
     flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 3]])
-    found = smoothed_normals(flat, flat.face_normals, (1, 2))
+    found = smoothed(flat, flat.face_normals, (1, 2))
     np.testing.assert_array_equal(found, [[[0, 0, 0]] * 2, [[0, 0, 1]] * 2])
 
 
@@ -278,8 +301,9 @@ def test_openness_is_zero_for_a_closed_component_and_one_for_a_flat_sheet():
 @pytest.mark.parametrize("activation", ["tanh", "silu"])
 def test_array_path_equals_torch(activation):
     stage = random_regression("B+G", activation=activation)
-    stack = stage_stack(stage.settings, MESH, MESH)
-    x = stage.scaler.features(stack, stage.scaler.context(stack, MESH).of())
+    packed = stage_stack(stage.settings, MESH, MESH)
+    stack = unpacked(packed)
+    x = stage.scaler.features(stack, stage.scaler.context(packed, MESH).of())
     stage = replace(stage, centers=x[[0, 9, 99]])
     distances = np.linalg.norm(x[:, None] - stage.centers, axis=2)
     expected = np.empty((len(x), 3))
@@ -292,7 +316,7 @@ def test_array_path_equals_torch(activation):
             mine = distances.argmin(axis=1) == c
             expected[mine] = network(torch.from_numpy(x[mine]), torch.from_numpy(stack[mine])).numpy()
     assert len(np.unique(distances.argmin(axis=1))) > 1
-    np.testing.assert_allclose(stage.normals(MESH, stack), expected, atol=1e-5)
+    np.testing.assert_allclose(stage.normals(MESH, packed), expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("descriptor", ["B", "iterated-16+smoothed"])

@@ -11,6 +11,7 @@ import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.methods import shipped
+from cascadenorm.learned.packed_normals import unpacked
 from cascadenorm.learned.regression import stage_stack
 
 pytest.importorskip("onnx")
@@ -21,7 +22,7 @@ ROUGH = noisy(cube(4), 0.2)
 
 def inputs(session, stage, mesh, stack):
     """What the networks of a stage read; without context features they have one input."""
-    feed = {"stack": stack}
+    feed = {"stack": unpacked(stack)}
     if stage.scaler.context_mean.size:
         feed["context"] = stage.scaler.context(stack, mesh).of()
     assert {given.name: given.shape for given in session.get_inputs()} == {

@@ -14,6 +14,8 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_descriptor
 from cascadenorm.learned.features import FeatureScaler, pairwise_features
+from cascadenorm.learned.packed_normals import unpacked
+from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed, training
 from cascadenorm.learned.training.launch import is_local_main, is_main
@@ -86,14 +88,14 @@ def test_training_lowers_the_loss():
 
 def test_features_to_learn_from_are_those_at_run_time():
     mesh = noisy(icosphere(2), 0.3)
-    stack = bilateral_descriptor(mesh, "distance")
-    rng = np.random.default_rng(0)
+    packed = stage_stack(Stage(descriptor="B", neighborhood="distance"), mesh, mesh)
+    stack, rng = unpacked(packed), np.random.default_rng(0)
     mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (45, 45, 11, 11))
     scaler = FeatureScaler(
         mean=mean, scale=scale, projection=rng.normal(size=(45, 2)).astype(np.float32),
         context_mean=context_mean, context_scale=context_scale,
     )  # fmt: skip
-    context = scaler.context(stack, mesh).of()
+    context = scaler.context(packed, mesh).of()
     learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), torch.from_numpy(context))
     np.testing.assert_allclose(learned, scaler.features(stack, context), rtol=0, atol=1e-5)
 

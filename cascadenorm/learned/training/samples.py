@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.learned.cascade import apply_stage
 from cascadenorm.learned.descriptors import Stack
 from cascadenorm.learned.features import Array, FeatureScaler
+from cascadenorm.learned.packed_normals import unpacked
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
@@ -44,13 +45,13 @@ class Sample:
 
     def stack(self, settings: Stage) -> Stack:
         """Return the filtered normals of the drawn faces."""
-        return stage_stack(settings, *self.meshes())[self.rows]
+        return unpacked(stage_stack(settings, *self.meshes())[self.rows])
 
     def described(self, settings: Stage, scaler: FeatureScaler) -> tuple[Stack, Array]:
         """Return the filtered normals of the drawn faces and their context features, (rows, c)."""
         mesh, noisy = self.meshes()
         stack = stage_stack(settings, mesh, noisy)
-        return stack[self.rows], scaler.context(stack, mesh).of(self.rows)
+        return unpacked(stack[self.rows]), scaler.context(stack, mesh).of(self.rows)
 
     def apply_stage(self, stage: Regression) -> Vectors:
         """Return the vertices after a stage."""
