@@ -3,17 +3,28 @@
 B-FND and G-FND consist of these filters (Wang, Liu, Tong 2016).
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
-from cascadenorm.geometry.neighborhoods import UNLIMITED, faces_near, search_faces
+from cascadenorm.compute.kernels import inlined_sum
+from cascadenorm.geometry.neighborhoods import (
+    UNLIMITED,
+    GroupSearch,
+    faces_near,
+    group_search,
+    search_faces,
+    search_group,
+)
 from cascadenorm.mesh import (
     SMALLEST_COSTLY_CHUNK,
     Bools,
     Csr,
     Floats,
     Floats32,
+    Ints,
     Ints32,
     Mesh,
     Vectors,
@@ -25,6 +36,7 @@ from cascadenorm.mesh.vectors import row, squared_distance
 MOST_NEIGHBORS = 2048
 """Maximum number of faces of a filter, which limits the cost where tiny faces lie among much larger ones. Even meshes
 have 180 for σ_s = 2."""
+LARGEST_GROUP = 16  # number of faces whose neighbours are searched together; even meshes have 12 that touch a face
 FACES_AT_A_TIME = 1 << 15  # number of faces whose neighbours are stored at a time
 
 
@@ -48,12 +60,13 @@ def filtered_normals(
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     radius = filter_radius(mesh, sigma_s, cutoff) if rings is None else np.inf
+    members, starts = _groups(mesh.faces, mesh.topology.vertex_faces, mesh.centroids, radius if rings is None else -1.0)
     parallel_for(
-        len(out), _filter_range, mesh.faces, mesh.topology.vertex_faces, mesh.centroids,
+        len(starts) - 1, _filter_range, members, starts, mesh.faces, mesh.topology.vertex_faces, mesh.centroids,
         (mesh.area_vectors / mesh.median_area).astype(np.float32), mesh.face_normals,
         np.ascontiguousarray(guides, np.float32), 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2,
         (0.5 / np.array(sigma_r) ** 2).astype(np.float32), 0.5 * cutoff**2 if rings is None else np.inf,
-        radius**2, UNLIMITED if rings is None else rings, out, smallest=SMALLEST_COSTLY_CHUNK,
+        radius, UNLIMITED if rings is None else rings, out, smallest=SMALLEST_COSTLY_CHUNK // 8,
     )  # fmt: skip
     return out
 
@@ -72,10 +85,52 @@ def faces_added(mesh: Mesh, faces: Bools, *, sigma_s: tuple[float, ...], cutoff:
     return found
 
 
+@inlined_sum
+def _weighted_sum(count: int, weight: Floats32, x: Floats32, y: Floats32, z: Floats32) -> tuple[Any, Any, Any]:
+    """Return the weighted sums of three components."""
+    a = b = c = np.float32(0)
+    for k in range(count):
+        a += weight[k] * x[k]
+        b += weight[k] * y[k]
+        c += weight[k] * z[k]
+    return a, b, c
+
+
+@kernel
+def _groups(faces: Ints32, around: Csr, centroids: Vectors, radius: float) -> tuple[Ints32, Ints]:
+    """Divide the faces into groups that are searched together; a negative radius makes each face a group.
+
+    Returns
+    -------
+    (m,) members of all groups and (g + 1,) start of each group. The members of a group share a vertex with the first
+    one, and are within the radius of it.
+    """
+    members, starts = np.empty(len(faces), np.int32), np.zeros(len(faces) + 1, np.int64)
+    taken = np.zeros(len(faces), np.bool_)
+    end = count = 0
+    for f in range(len(faces)):
+        if taken[f]:
+            continue
+        first = end
+        members[end], taken[f], end = f, True, end + 1
+        for corner in range(3):
+            v = faces[f, corner]
+            for k in range(around.indptr[v], around.indptr[v + 1]):
+                g = around.indices[k]
+                near = squared_distance(row(centroids, g), row(centroids, f)) <= radius * abs(radius)
+                if near and not taken[g] and end - first < LARGEST_GROUP:
+                    members[end], taken[g], end = g, True, end + 1
+        count += 1
+        starts[count] = end
+    return members, starts[: count + 1]
+
+
 @kernel
 def _filter_range(
     start: int,
     stop: int,
+    members: Ints32,
+    starts: Ints,
     faces: Ints32,
     around: Csr,
     centroids: Vectors,
@@ -85,40 +140,91 @@ def _filter_range(
     spatial: Floats,
     spreads: Floats32,
     largest: float,
-    limit: float,
+    radius: float,
     rings: int,
     out: Floats32,
 ) -> None:
-    """Compute all filters of each face. Only iteration f writes row f.
+    """Compute all filters of each face of some groups. Only its group writes row f.
 
     The area vectors, (m, 3), are in any unit. `spatial` and `spreads` are the factors of the squared distance and of
-    the squared chord in the exponent. Faces with a spatial exponent above `largest` are left out; `limit` and `rings`
-    are as in `search_faces`.
+    the squared chord in the exponent. Faces with a spatial exponent above `largest` are left out; `radius` and `rings`
+    limit the search.
     """
+    search = group_search(len(faces), len(around.indptr) - 1, MOST_NEIGHBORS)
     seen = np.full(len(faces), -1, np.int32), np.full(len(around.indptr) - 1, -1, np.int32)
-    found, distances = np.empty(MOST_NEIGHBORS, np.int32), np.empty(MOST_NEIGHBORS)
-    # exponents of both weights, the weights, and the area vectors of the neighbours, one array for each component
-    u, chord, weight, x, y, z = np.empty((6, MOST_NEIGHBORS), np.float32)
-    for f in range(start, stop):
-        count = search_faces(f, faces, around, centroids, limit, rings, seen, found, distances)
-        for s in range(len(spatial)):
-            # All σ_r share the neighbours of a σ_s.
-            near = 0
-            for k in range(count):
-                exponent, g = spatial[s] * distances[k], found[k]
-                if exponent <= largest:
-                    u[near], chord[near] = exponent, squared_distance(row(guides[s], g), row(guides[s], f))
-                    x[near], y[near], z[near] = vectors[g, 0], vectors[g, 1], vectors[g, 2]
-                    near += 1
+    for group in range(start, stop):
+        some = members[starts[group] : starts[group + 1]]
+        spread = 0.0
+        for f in some:
+            spread = max(spread, np.sqrt(squared_distance(row(centroids, f), row(centroids, some[0]))))
+        if rings == UNLIMITED:
+            count = search_group(some, spread, faces, around, centroids, radius, search)
+            if count >= 0:
+                _filter_members(
+                    some, spread, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out
+                )
+                continue
 
-            # A loop over the weights alone is vectorised.
-            for r in range(len(spreads)):
-                for k in range(near):
-                    weight[k] = expf(-(u[k] + spreads[r] * chord[k]))
-                total = np.float32(0), np.float32(0), np.float32(0)
-                for k in range(near):
-                    total = total[0] + weight[k] * x[k], total[1] + weight[k] * y[k], total[2] + weight[k] * z[k]
-                size = np.sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2])
+        # a face alone, for which the search stops after so many rings or faces
+        for i in range(len(some)):
+            count = search_faces(
+                some[i], faces, around, centroids, radius * radius, rings, seen, search.found, search.squared
+            )
+            search.reached[:count] = 1
+            _filter_members(
+                some[i : i + 1], 0.0, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out
+            )
+
+
+@kernel
+def _filter_members(
+    members: Ints32,
+    spread: float,
+    count: int,
+    search: GroupSearch,
+    centroids: Vectors,
+    vectors: Floats32,
+    normals: Vectors,
+    guides: Floats32,
+    spatial: Floats,
+    spreads: Floats32,
+    largest: float,
+    out: Floats32,
+) -> None:
+    """Compute all filters of the members of a group from the `count` faces of its search."""
+    # exponents of both weights, whether a face counts, the weights, and components of area vectors and guides
+    u, chord, counts, weight, x, y, z, gx, gy, gz = np.empty((10, count), np.float32)
+    cx, cy, cz = np.empty((3, count))
+    near, reached = np.empty((2, count), np.int32)
+    for s in range(len(spatial)):
+        # the faces that may be within this σ_s of a member; all σ_r share them
+        factor, size = spatial[s], 0
+        reach = (1.000001 * np.sqrt(largest / factor) + spread) ** 2
+        for k in range(count):
+            near[size] = k
+            size += search.squared[k] <= reach
+        for k in range(size):
+            g, reached[k] = search.found[near[k]], search.reached[near[k]]
+            cx[k], cy[k], cz[k] = row(centroids, g)
+            x[k], y[k], z[k] = vectors[g, 0], vectors[g, 1], vectors[g, 2]
+            gx[k], gy[k], gz[k] = guides[s, g, 0], guides[s, g, 1], guides[s, g, 2]
+
+        for member in range(len(members)):
+            f = members[member]
+            px, py, pz = row(centroids, f)
+            hx, hy, hz = guides[s, f, 0], guides[s, f, 1], guides[s, f, 2]
+            for k in range(size):
+                exponent = factor * ((cx[k] - px) ** 2 + (cy[k] - py) ** 2 + (cz[k] - pz) ** 2)
+                u[k], counts[k] = exponent, exponent <= largest
+            for k in range(size):
+                counts[k] *= (reached[k] >> member) & 1
+            for k in range(size):
+                chord[k] = (gx[k] - hx) ** 2 + (gy[k] - hy) ** 2 + (gz[k] - hz) ** 2
+            for r, steepness in enumerate(spreads):
+                for k in range(size):
+                    weight[k] = expf(-(u[k] + steepness * chord[k])) * counts[k]
+                total = _weighted_sum(size, weight, x, y, z)
+                length = np.sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2])
                 column = s * len(spreads) + r
                 for d in range(3):
-                    out[f, column, d] = total[d] / size if size > 0 else normals[f, d]
+                    out[f, column, d] = total[d] / length if length > 0 else normals[f, d]

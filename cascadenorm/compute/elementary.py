@@ -6,7 +6,7 @@ numpy's functions, they give identical results on every processor.
 
 import numpy as np
 
-from cascadenorm.compute.kernels import kernel
+from cascadenorm.compute.kernels import inlined, kernel
 
 LOG2_E = float(np.log2(np.e))
 ROUNDING = 1.5 * 2.0**52
@@ -42,7 +42,7 @@ def exp(x: float) -> float:
     return 0.0 if x < SMALLEST else result
 
 
-@kernel
+@inlined
 def expf(x: np.float32) -> np.float32:
     """Return e^x in single precision, as 2^n 2^f with |f| ≤ ½, clamped to 2^-126 … 2^126.
 

@@ -1,10 +1,13 @@
 """Neighbourhoods within a radius, found by graph search."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.mesh import (
     SMALLEST_COSTLY_CHUNK,
+    Bools,
     Csr,
     Floats,
     Index,
@@ -165,6 +168,112 @@ def search_faces(
             break
         first = last
     return end
+
+
+class GroupSearch(NamedTuple):
+    """Working arrays of `search_group` for m faces and n vertices, and its result: at most s faces.
+
+    Parameters
+    ----------
+    met_faces, met_vertices
+        (m,) and (n,) first member of the last group whose search has met each face and vertex; initially -1.
+    places
+        (m,) place of each face that this search has met in the result, or -1 if it is too far away.
+    spread
+        (n,) members, as bits, that the search has gone on from each vertex for.
+    found, squared
+        (s,) faces, and the squared distances of their centroids from that of the first member.
+    near, reached
+        (s,) members, as bits, within the radius of each face, and those whose neighbourhood contains it.
+    queue, queued
+        (s,) places that the search goes on from, in a ring, and whether each place is among them.
+    """
+
+    met_faces: Ints32
+    met_vertices: Ints32
+    places: Ints32
+    spread: Ints32
+    found: Ints32
+    squared: Floats
+    near: Ints32
+    reached: Ints32
+    queue: Ints32
+    queued: Bools
+
+
+@kernel
+def group_search(faces: int, vertices: int, most: int) -> GroupSearch:
+    """Allocate the arrays of a search over so many faces and vertices, with at most `most` faces as its result."""
+    return GroupSearch(
+        np.full(faces, -1, np.int32), np.full(vertices, -1, np.int32), np.empty(faces, np.int32),
+        np.empty(vertices, np.int32), np.empty(most, np.int32), np.empty(most), np.empty(most, np.int32),
+        np.empty(most, np.int32), np.empty(most, np.int32), np.zeros(most, np.bool_),
+    )  # fmt: skip
+
+
+@kernel
+def search_group(
+    members: Ints32, spread: float, faces: Ints32, around: Csr, centroids: Vectors, radius: float, search: GroupSearch
+) -> int:
+    """Search around several faces at once; return the number of faces found, or -1 if there is no space for them.
+
+    The neighbourhood of a member contains the faces with a centroid within the radius of its own that are connected to
+    it through such faces. All members share a vertex with the first one and are within the radius of it, at most
+    `spread` away, so that a single breadth-first search finds the neighbourhoods of all (Then et al., The More the
+    Merrier: Efficient Multi-Source Graph Traversal, 2014).
+    """
+    first, every = members[0], (1 << len(members)) - 1
+    center, limit = row(centroids, first), radius * radius
+    all_near, none_near = max(0.999999 * radius - spread, 0.0) ** 2, (1.000001 * radius + spread) ** 2
+    search.met_faces[first], search.places[first] = first, 0
+    search.found[0], search.squared[0], search.near[0], search.reached[0] = first, 0.0, every, every
+    search.queue[0], search.queued[0] = 0, True
+    total, head, waiting, most = 1, 0, 1, len(search.found)
+    while waiting > 0:
+        place = search.queue[head]
+        head = head + 1 if head + 1 < most else 0
+        waiting -= 1
+        search.queued[place] = False
+        for corner in range(3):
+            v = faces[search.found[place], corner]
+            if search.met_vertices[v] != first:
+                search.met_vertices[v], search.spread[v] = first, 0
+            new = search.reached[place] & ~search.spread[v]
+            if new == 0:  # the search has met all faces around the vertex for these members
+                continue
+            search.spread[v] |= new
+            for k in range(around.indptr[v], around.indptr[v + 1]):
+                g = around.indices[k]
+                if search.met_faces[g] != first:
+                    search.met_faces[g], search.places[g] = first, -1
+                    squared = squared_distance(row(centroids, g), center)
+                    if squared > none_near:
+                        continue
+                    near = every
+                    if squared > all_near:
+                        near = 0
+                        for member in range(len(members)):
+                            apart = squared_distance(row(centroids, g), row(centroids, members[member]))
+                            near |= (apart <= limit) << member
+                    if near == 0:
+                        continue
+                    if total == most:
+                        return -1
+                    search.places[g], search.found[total], search.squared[total] = total, g, squared
+                    search.near[total], search.reached[total], search.queued[total] = near, 0, False
+                    total += 1
+                other = search.places[g]
+                if other < 0:
+                    continue
+                added = new & search.near[other] & ~search.reached[other]
+                if added:
+                    search.reached[other] |= added
+                    if not search.queued[other]:
+                        search.queued[other] = True
+                        end = head + waiting
+                        search.queue[end if end < most else end - most] = other
+                        waiting += 1
+    return total
 
 
 @kernel

@@ -1,7 +1,14 @@
 import numpy as np
 from shapes import grid, icosphere, noisy
 
-from cascadenorm.geometry.neighborhoods import UNLIMITED, each_alone, faces_near, within
+from cascadenorm.geometry.neighborhoods import (
+    UNLIMITED,
+    each_alone,
+    faces_near,
+    group_search,
+    search_group,
+    within,
+)
 from cascadenorm.mesh import Csr, Mesh
 
 
@@ -56,3 +63,35 @@ def test_faces_are_found_in_the_order_of_the_graph_of_faces_that_share_a_vertex(
         found = faces_near(mesh, some, radius, most=most)
         for i in range(len(some)):
             assert found.row(i).tolist() == expected.row(i)[:most].tolist()
+
+
+def test_a_group_of_faces_finds_the_neighbourhood_of_each_member():
+    crumpled = noisy(icosphere(3), 0.7)
+    around, radius = crumpled.topology.vertex_faces, 2.5 * crumpled.mean_edge_length
+    every = np.arange(len(crumpled.faces), dtype=np.int32)
+    expected = [set(row) for row in map(faces_near(crumpled, every, radius).row, every)]
+    search = group_search(len(crumpled.faces), len(crumpled.vertices), 500)
+    several = apart = 0
+    for corner in every[::5]:
+        touching = np.unique(np.concatenate([around.row(v) for v in crumpled.faces[corner]]))
+        distances = np.linalg.norm(crumpled.centroids[touching] - crumpled.centroids[corner], axis=1)
+        others = touching[(distances <= radius) & (touching != corner)]
+        members = np.array([corner, *others], np.int32)
+        spread = distances[np.isin(touching, members)].max()
+        count = search_group(members, spread, crumpled.faces, around, crumpled.centroids, radius, search)
+        for member, f in enumerate(members):
+            found = search.found[:count][(search.reached[:count] >> member) & 1 == 1]
+            assert set(found) == expected[f] and len(found) == len(expected[f])
+            near = np.linalg.norm(crumpled.centroids - crumpled.centroids[f], axis=1) <= radius
+            apart += near.sum() - len(found)
+        several += len(members) > 1
+    assert several > 100 and apart > 50  # some faces are near in space, but only joined by others that are not
+
+
+def test_a_group_that_finds_too_many_faces_says_so():
+    sheet = grid(20, 20)
+    search = group_search(len(sheet.faces), len(sheet.vertices), 50)
+    given = np.array([400], np.int32), 0.0, sheet.faces, sheet.topology.vertex_faces, sheet.centroids
+    assert search_group(*given, 2.0, search) > 0
+    search = group_search(len(sheet.faces), len(sheet.vertices), 50)
+    assert search_group(*given, 10.0, search) == -1
