@@ -106,7 +106,7 @@ def _groups(faces: Ints32, around: Csr, centroids: Vectors, radius: float) -> tu
     one, and are within the radius of it.
     """
     members, starts = np.empty(len(faces), np.int32), np.zeros(len(faces) + 1, np.int64)
-    taken = np.zeros(len(faces), np.bool_)
+    taken, limit = np.zeros(len(faces), np.bool_), radius * abs(radius)
     end = count = 0
     for f in range(len(faces)):
         if taken[f]:
@@ -117,7 +117,7 @@ def _groups(faces: Ints32, around: Csr, centroids: Vectors, radius: float) -> tu
             v = faces[f, corner]
             for k in range(around.indptr[v], around.indptr[v + 1]):
                 g = around.indices[k]
-                near = squared_distance(row(centroids, g), row(centroids, f)) <= radius * abs(radius)
+                near = squared_distance(row(centroids, g), row(centroids, f)) <= limit
                 if near and not taken[g] and end - first < LARGEST_GROUP:
                     members[end], taken[g], end = g, True, end + 1
         count += 1
