@@ -18,10 +18,10 @@ from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
 
-CASCADE_FORMATS = ("cascadenorm/7", "cascadenorm/6")
+CASCADE_FORMATS = ("cascadenorm/8", "cascadenorm/7", "cascadenorm/6")
 """Formats of weights files. The first one is written. A format identifies the constants in `descriptors` and
-`features` too: add a format when a constant changes. The second one has the same constants and other names of
-weightings."""
+`features` too: add a format when a constant changes. In the second one, networks read all pairs of filtered normals; in
+the third one, weightings have other names as well."""
 OLD_WEIGHTINGS = {"heights": "uniform", "angles": "inverse-height"}
 
 

@@ -25,11 +25,11 @@ CUTOFF = 2.5
 RINGS = 2
 ITERATED_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 """Range spreads of the iterated bilateral filters."""
-ITERATED_PASSES = (1, 4, 16, 64)
-"""Passes of the iterated bilateral filters in the first stage."""
-LATER_ITERATED_PASSES = ITERATED_PASSES[:-1]
+ITERATED_16 = (1, 4, 16)
 """Passes of the iterated bilateral filters in later stages."""
-SMOOTHING_DIRECTION = 1 + len(ITERATED_SIGMA_R) * ITERATED_PASSES.index(4) + ITERATED_SIGMA_R.index(np.inf)
+ITERATED_32, ITERATED_64 = (*ITERATED_16, 32), (*ITERATED_16, 64)
+"""Passes of the iterated bilateral filters in the first stage."""
+SMOOTHING_DIRECTION = 1 + len(ITERATED_SIGMA_R) * ITERATED_16.index(4) + ITERATED_SIGMA_R.index(np.inf)
 """Index of the iterated normals along which vertices are smoothed: unweighted means after 4 passes."""
 SMOOTH_PASSES = (1, 4, 16, 64)
 """Passes of vertex smoothing in the first stage."""
@@ -136,11 +136,11 @@ def _direction(out: PackedNormals) -> Stack:
 
 def _smoothing(passes: tuple[int, ...]) -> int:
     """Return the reach of smoothed vertices in edges: their passes plus the reach of the normals around them."""
-    return passes[-1] + 1 + ITERATED_PASSES[1]
+    return passes[-1] + 1 + ITERATED_16[1]
 
 
-def _first() -> Descriptor:
-    iterated = _iterated(ITERATED_PASSES)
+def _first(passes: tuple[int, ...]) -> Descriptor:
+    iterated = _iterated(passes)
 
     def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         iterated.fill(out[:, : iterated.size], mesh, noisy, neighborhood)
@@ -151,7 +151,7 @@ def _first() -> Descriptor:
 
 def _later() -> Descriptor:
     """Filter the current mesh, and smooth the noisy mesh along the current normals, which can restore detail."""
-    iterated, passes = _iterated(LATER_ITERATED_PASSES), LATER_SMOOTH_PASSES
+    iterated, passes = _iterated(ITERATED_16), LATER_SMOOTH_PASSES
 
     def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
         bilateral, smoothed, of_noisy = np.split(out, [iterated.size, iterated.size + len(passes)], axis=1)
@@ -168,9 +168,10 @@ DESCRIPTORS = {
     "B+G": _bank(guided_descriptor, _B + _G, times=2),
     "n+B": _bank(bilateral_descriptor, _B, times=1, own=True),
     "n+B+G": _bank(guided_descriptor, _B + _G, times=2, own=True),
-    "iterated-64": _iterated(ITERATED_PASSES),
-    "iterated-64+smoothed": _first(),
-    "iterated-16": _iterated(LATER_ITERATED_PASSES),
+    "iterated-64": _iterated(ITERATED_64),
+    "iterated-64+smoothed": _first(ITERATED_64),
+    "iterated-32+smoothed": _first(ITERATED_32),
+    "iterated-16": _iterated(ITERATED_16),
     "iterated-16+smoothed": _later(),
 }
 """Descriptors by their names in settings and weights.

@@ -47,8 +47,10 @@ class FeatureScaler:
 
     Parameters
     ----------
+    pairs
+        (d, 2) int32 pairs of filtered normals, whose angles are the features of the face itself.
     mean, scale
-        (d,) parameters of the pairwise features x of the face itself: (x - mean) * scale.
+        (d,) parameters of these features x: (x - mean) * scale.
     projection
         (d, p) principal directions of these features. The context features are the means of the principal components
         around the face, and the openness of the mesh. There are none if p is 0.
@@ -56,6 +58,7 @@ class FeatureScaler:
         (5 p + 1,) parameters of the context features.
     """
 
+    pairs: Ints32
     mean: Array
     scale: Array
     projection: Array
@@ -117,30 +120,36 @@ class FeatureScaler:
 
     def _write_own(self, stack: Stack, out: Array) -> None:
         """Write the features of the faces themselves, (d, m)."""
-        _write_pairs(stack, self.mean, self.scale, out)
+        _write_pairs(stack, self.pairs, self.mean, self.scale, out)
 
 
-def pairwise_features(stack: Stack) -> NDArray[np.float32]:
-    """Return log(1 - <n_i, n_j> + FLOOR) for all pairs of the k normals of a face, which is rotation-invariant.
+def all_pairs(count: int) -> Ints32:
+    """Return the pairs i < j of `count` normals, (count (count - 1) / 2, 2), in row order."""
+    return np.stack(np.triu_indices(count, 1), axis=1).astype(np.int32)
+
+
+def pairwise_features(stack: Stack, pairs: Ints32) -> NDArray[np.float32]:
+    """Return log(1 - <n_i, n_j> + FLOOR) for pairs of the k normals of a face, which is rotation-invariant.
 
     Parameters
     ----------
     stack
         (m, k, 3) filtered normals.
+    pairs
+        (d, 2) pairs of normals.
 
     Returns
     -------
-    (m, k (k - 1) / 2) features, pairs i < j in row order.
+    (m, d) features.
     """
-    count = stack.shape[1]
-    out = np.empty((count * (count - 1) // 2, len(stack)), np.float32)
-    _write_pairs(stack, np.zeros(len(out), np.float32), np.ones(len(out), np.float32), out)
+    out = np.empty((len(pairs), len(stack)), np.float32)
+    _write_pairs(stack, pairs, np.zeros(len(out), np.float32), np.ones(len(out), np.float32), out)
     return out.T
 
 
-def _write_pairs(stack: Stack, mean: Array, scale: Array, out: Array) -> None:
+def _write_pairs(stack: Stack, pairs: Ints32, mean: Array, scale: Array, out: Array) -> None:
     """Write the normalised pairwise features of faces, (d, m). This layout lets all loops be vectorised."""
-    parallel_for(len(stack), _pair_range, by_filter(stack), mean, scale, out)
+    parallel_for(len(stack), _pair_range, by_filter(stack), pairs, mean, scale, out)
 
 
 def by_filter(stack: Stack) -> Array:
@@ -264,23 +273,23 @@ def openness(sums: ComponentSums) -> Floats:
 
 
 @kernel
-def _pair_range(start: int, stop: int, normals: Floats32, mean: Floats32, scale: Floats32, out: Floats32) -> None:
-    """Write (ln(1 - cos + FLOOR) - mean) * scale for all pairs of normals of each face, (k, 3, m).
+def _pair_range(
+    start: int, stop: int, normals: Floats32, pairs: Ints32, mean: Floats32, scale: Floats32, out: Floats32
+) -> None:
+    """Write (ln(1 - cos + FLOOR) - mean) * scale for pairs of normals of each face, (k, 3, m).
 
     1 - cos is computed as half the squared chord, which is accurate for cos near 1. Iteration f alone writes out[:, f].
     """
     for first in range(start, stop, PAIRED_FACES):
         some, faces = slice(first, min(first + PAIRED_FACES, stop)), min(PAIRED_FACES, stop - first)
-        p = 0
-        for i in range(len(normals)):
+        for p in range(len(pairs)):
+            i, j, row = pairs[p, 0], pairs[p, 1], out[p, some]
             x0, y0, z0 = normals[i, 0, some], normals[i, 1, some], normals[i, 2, some]
-            for j in range(i + 1, len(normals)):
-                x1, y1, z1, row = normals[j, 0, some], normals[j, 1, some], normals[j, 2, some], out[p, some]
-                for f in range(faces):
-                    x, y, z = x0[f] - x1[f], y0[f] - y1[f], z0[f] - z1[f]
-                    apart = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
-                    row[f] = (logf(apart) - mean[p]) * scale[p]
-                p += 1
+            x1, y1, z1 = normals[j, 0, some], normals[j, 1, some], normals[j, 2, some]
+            for f in range(faces):
+                x, y, z = x0[f] - x1[f], y0[f] - y1[f], z0[f] - z1[f]
+                apart = np.float32(0.5) * (x * x + y * y + z * z) + np.float32(FLOOR)
+                row[f] = (logf(apart) - mean[p]) * scale[p]
 
 
 @kernel

@@ -16,7 +16,7 @@ from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Bools, Mesh, Vectors, with_part_moved
 from cascadenorm.registry import ParameterError
 
-GATED_FORMATS = ("cascadenorm-gated/2", "cascadenorm-gated/1")
+GATED_FORMATS = ("cascadenorm-gated/3", "cascadenorm-gated/2", "cascadenorm-gated/1")
 """Formats of weights files. The first one is written. Cascades within them have a format in CASCADE_FORMATS."""
 
 

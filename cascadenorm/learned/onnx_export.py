@@ -1,7 +1,6 @@
 """Export the networks of a stage as an ONNX model."""
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import MissingDependencyError
+from cascadenorm.learned.descriptors import DESCRIPTORS
 from cascadenorm.learned.features import FLOOR
 from cascadenorm.learned.regression import Regression
 
@@ -74,13 +74,13 @@ class _Graph:
 
 
 def _normals_of(stage: Regression) -> int:
-    """Return the number k of filtered normals of a stage, from its d = k (k - 1) / 2 pairs."""
-    return (1 + math.isqrt(1 + 8 * stage.scaler.mean.size)) // 2
+    """Return the number k of filtered normals of a stage."""
+    return DESCRIPTORS[stage.settings.descriptor].size
 
 
 def _features(graph: _Graph, stage: Regression) -> str:
     """Return the normalised features, (m, d + c): the pairs of filtered normals, then the context."""
-    first, second = np.triu_indices(_normals_of(stage), 1)
+    first, second = stage.scaler.pairs.T
     one = graph.add("Gather", ["stack", graph.constant(first, np.int64)], axis=1)
     other = graph.add("Gather", ["stack", graph.constant(second, np.int64)], axis=1)
     between = graph.add("Sub", [one, other])

@@ -5,13 +5,14 @@ The network of the nearest cluster centre predicts the true normal of a face.
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
-from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler, by_filter
+from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler, all_pairs, by_filter
 from cascadenorm.learned.packed_normals import PackedNormals, no_normals, unpacked
 from cascadenorm.learned.stage import Activation, Stage
 from cascadenorm.mesh import Floats32, Mesh, Vectors, in_blocks, kernel, one_blas_thread, unit
@@ -42,7 +43,7 @@ class Regression:
     centers: Array
     layers: tuple[tuple[Array, Array], ...]
 
-    def arrays(self) -> dict[str, Array]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays by name, as `from_arrays` expects them."""
         layers = {
             f"{name}{number}": array
@@ -53,8 +54,12 @@ class Regression:
         return {"centers": self.centers, **layers, **scaler}
 
     @classmethod
-    def from_arrays(cls, settings: Stage, arrays: dict[str, Array]) -> "Regression":
-        """Rebuild a regression from the result of `arrays`. Raises KeyError if an array is missing."""
+    def from_arrays(cls, settings: Stage, arrays: dict[str, NDArray[Any]]) -> "Regression":
+        """Rebuild a regression from the result of `arrays`. Raises KeyError if an array is missing.
+
+        Weights without pairs, of older formats, read those of all filtered normals.
+        """
+        arrays = {"pairs": all_pairs(DESCRIPTORS[settings.descriptor].size), **arrays}
         count = max(1, sum(name.startswith("weight") for name in arrays))
         return cls(
             settings=settings,
@@ -101,7 +106,8 @@ class Regression:
         cluster = nearest(x, self.centers)
         coefficients = np.empty((len(x), self.layers[-1][0].shape[-1]), np.float32)
         for c in range(len(self.centers)):
-            coefficients[cluster == c] = self._of_cluster(c, x[cluster == c])
+            mine = np.flatnonzero(cluster == c)
+            coefficients[mine] = self._of_cluster(c, x.T.take(mine, axis=1).T)  # x.T is contiguous
         return coefficients
 
     def _of_cluster(self, cluster: int, x: Array) -> Array:

@@ -20,9 +20,10 @@ from cascadenorm.learned.cascade import CASCADE_FORMATS, Cascade
 from cascadenorm.learned.descriptors import (
     CUTOFF,
     DESCRIPTORS,
-    ITERATED_PASSES,
+    ITERATED_16,
+    ITERATED_32,
+    ITERATED_64,
     ITERATED_SIGMA_R,
-    LATER_ITERATED_PASSES,
     LATER_SMOOTH_PASSES,
     RINGS,
     SIGMA_R,
@@ -38,6 +39,7 @@ from cascadenorm.learned.features import (
     CONTEXT_STEPS,
     FLOOR,
     FeatureScaler,
+    all_pairs,
     component_sums,
     context_features,
     openness,
@@ -80,7 +82,7 @@ def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
 def iterated(mesh: Mesh) -> np.ndarray:
     """Iterated bilateral normals as the first stage has them."""
     own = mesh.face_normals.astype(np.float32)[:, None]
-    each = iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=ITERATED_PASSES)
+    each = iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=ITERATED_64)
     return np.concatenate([own, *(normals.copy() for normals in each)], axis=1)
 
 
@@ -106,7 +108,7 @@ def random_regression(descriptor: str, *, seed: int = 0, activation: str = "tanh
     return Regression(
         settings=stage_settings(descriptor, activation=activation),
         scaler=FeatureScaler(
-            mean=random(d), scale=np.full(d, 0.3, np.float32), projection=random(d, p) / d,
+            pairs=all_pairs(k), mean=random(d), scale=np.full(d, 0.3, np.float32), projection=random(d, p) / d,
             context_mean=random(context), context_scale=np.ones(context, np.float32),
         ),
         centers=random(clusters, d + context),
@@ -168,33 +170,36 @@ def test_descriptors_of_a_plane_are_its_normal_and_their_angles_vanish():
     inside = [f for f in range(len(side.faces)) if np.ptp(side.face_normals[flat.row(f)], axis=0).max() == 0]
     stack = guided_descriptor(side, "rings")[inside]
     np.testing.assert_allclose(stack, np.broadcast_to(side.face_normals[inside][:, None], stack.shape), atol=1e-6)
-    np.testing.assert_allclose(pairwise_features(stack), np.log(FLOOR), atol=2e-2)
+    np.testing.assert_allclose(pairwise_features(stack, all_pairs(18)), np.log(FLOOR), atol=2e-2)
 
 
 def test_pairwise_features_do_not_see_rotation_scale_or_place():
     turned = Mesh(3 * MESH.vertices @ TURN.T + (5, -2, 9), MESH.faces)
     np.testing.assert_allclose(
-        *(np.exp(pairwise_features(guided_descriptor(mesh, "distance"))) for mesh in (turned, MESH)), atol=2e-6
+        *(np.exp(pairwise_features(guided_descriptor(mesh, "distance"), all_pairs(18))) for mesh in (turned, MESH)),
+        atol=2e-6,
     )
 
 
 def test_pairwise_features_are_in_order_of_pairs():
     angles = np.array([0.0, 0.3, 1.0])
     stack = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)[None].astype(np.float32)
-    np.testing.assert_allclose(np.exp(pairwise_features(stack))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6)
+    np.testing.assert_allclose(
+        np.exp(pairwise_features(stack, all_pairs(3)))[0] - FLOOR, 1 - np.cos([0.3, 1.0, 0.7]), atol=1e-6
+    )
 
 
 def test_iterated_normals_hold_the_bilateral_filter_after_its_passes():
     stack = iterated(MESH)
-    assert stack.shape == (len(MESH.faces), 1 + len(ITERATED_PASSES) * len(ITERATED_SIGMA_R), 3)
-    for p, passes in enumerate(ITERATED_PASSES):
+    assert stack.shape == (len(MESH.faces), 1 + len(ITERATED_64) * len(ITERATED_SIGMA_R), 3)
+    for p, passes in enumerate(ITERATED_64):
         got = stack[:, (p + 1) * len(ITERATED_SIGMA_R)]
         expected = bilateral_normals(MESH, sigma_s=1.0, sigma_r=np.inf, iterations=passes, center="count")
         np.testing.assert_allclose(got, expected, atol=5e-6)
     twin = MESH.face_normals
     for _ in range(4):
         twin = unit((ring_weights(MESH) * compact(twin, 0.35)) @ twin)
-    at = 1 + ITERATED_PASSES.index(4) * len(ITERATED_SIGMA_R) + ITERATED_SIGMA_R.index(0.35)
+    at = 1 + ITERATED_64.index(4) * len(ITERATED_SIGMA_R) + ITERATED_SIGMA_R.index(0.35)
     np.testing.assert_allclose(stack[:, at], twin, atol=1e-5)
 
 
@@ -366,23 +371,25 @@ CONSTANTS = {
     "context_steps": (0, 1, 3, 7),
     "iterated_sigma_r": (0.2, 0.35, 0.55, np.inf),
     "iterated_64_passes": (1, 4, 16, 64),
+    "iterated_32_passes": (1, 4, 16, 32),
     "iterated_16_passes": (1, 4, 16),
     "smooth_passes": (1, 4, 16, 64),
     "later_smooth_passes": (1, 2, 8),
     "smooth_sigma_r": 0.35,
     "floor": 1e-4,
 }
-"""What the names of descriptors stand for in the first of CASCADE_FORMATS; files of the second say so."""
+"""What the names of descriptors stand for in the first of CASCADE_FORMATS; files of the last one say so."""
 
 
 def test_another_constant_needs_another_format():
     found = {
         "sigma_s": SIGMA_S, "sigma_r": SIGMA_R, "spreads": CUTOFF, "rings": RINGS, "context_steps": CONTEXT_STEPS,
-        "iterated_sigma_r": ITERATED_SIGMA_R, "iterated_64_passes": ITERATED_PASSES,
-        "iterated_16_passes": LATER_ITERATED_PASSES, "smooth_passes": SMOOTH_PASSES,
+        "iterated_sigma_r": ITERATED_SIGMA_R, "iterated_64_passes": ITERATED_64,
+        "iterated_32_passes": ITERATED_32,
+        "iterated_16_passes": ITERATED_16, "smooth_passes": SMOOTH_PASSES,
         "later_smooth_passes": LATER_SMOOTH_PASSES, "smooth_sigma_r": SMOOTH_SIGMA_R, "floor": FLOOR,
     }  # fmt: skip
-    assert found == CONSTANTS and CASCADE_FORMATS[0] == "cascadenorm/7"
+    assert found == CONSTANTS and CASCADE_FORMATS[0] == "cascadenorm/8"
 
 
 def test_weights_with_the_header_of_an_older_version_give_the_same_vertices(tmp_path):
@@ -401,7 +408,8 @@ def test_weights_with_the_header_of_an_older_version_give_the_same_vertices(tmp_
         ],
     }
     path = tmp_path / "old.safetensors"
-    save_file(cascade.tensors(), path, {"cascadenorm": json.dumps(header)})
+    tensors = {name: array for name, array in cascade.tensors().items() if not name.endswith(".pairs")}
+    save_file(tensors, path, {"cascadenorm": json.dumps(header)})
     read = Cascade.load(path)
     assert [stage.settings for stage in read.stages] == [first.settings, last.settings]
     assert read.to_bytes() == cascade.to_bytes()

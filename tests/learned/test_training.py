@@ -13,7 +13,7 @@ from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
 from cascadenorm.learned.descriptors import bilateral_descriptor
-from cascadenorm.learned.features import FeatureScaler, pairwise_features
+from cascadenorm.learned.features import FeatureScaler, all_pairs
 from cascadenorm.learned.packed_normals import unpacked
 from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.stage import Stage
@@ -21,8 +21,8 @@ from cascadenorm.learned.training import checkpoints, distributed, training
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.network_training import TrainingFaces, angle_sum, chordal_distance, train_network
 from cascadenorm.learned.training.networks import TorchFeatures
-from cascadenorm.learned.training.training import train_cascade
-from cascadenorm.mesh import limit_threads
+from cascadenorm.learned.training.training import informative_pairs, train_cascade
+from cascadenorm.mesh import limit_threads, unit
 
 TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
 TWO_PROCESSES = [*TORCHRUN, "-m", "cascadenorm", "train"]
@@ -69,10 +69,16 @@ def trained(tmp_path_factory):
 def to_learn_from(clean, level) -> tuple[TrainingFaces, FeatureScaler]:
     """All faces of a mesh with noise, and a scaler that leaves their features as they are."""
     stack = bilateral_descriptor(noisy(clean, level), "rings")
-    inputs = pairwise_features(stack).shape[1]
+    pairs = all_pairs(stack.shape[1])
+    inputs = len(pairs)
     zero, one, none = np.zeros(inputs, np.float32), np.ones(inputs, np.float32), np.zeros(0, np.float32)
     scaler = FeatureScaler(
-        mean=zero, scale=one, projection=np.zeros((inputs, 0), np.float32), context_mean=none, context_scale=none
+        pairs=pairs,
+        mean=zero,
+        scale=one,
+        projection=np.zeros((inputs, 0), np.float32),
+        context_mean=none,
+        context_scale=none,
     )
     context = np.zeros((len(stack), 0), np.float32)
     return TrainingFaces(*map(torch.from_numpy, (stack, context, clean.face_normals.astype(np.float32)))), scaler
@@ -90,14 +96,21 @@ def test_features_to_learn_from_are_those_at_run_time():
     mesh = noisy(icosphere(2), 0.3)
     packed = stage_stack(Stage(descriptor="B", neighborhood="distance"), mesh, mesh)
     stack, rng = unpacked(packed), np.random.default_rng(0)
-    mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (45, 45, 11, 11))
+    pairs = all_pairs(10)[::2]
+    mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (23, 23, 11, 11))
     scaler = FeatureScaler(
-        mean=mean, scale=scale, projection=rng.normal(size=(45, 2)).astype(np.float32),
+        pairs=pairs, mean=mean, scale=scale, projection=rng.normal(size=(23, 2)).astype(np.float32),
         context_mean=context_mean, context_scale=context_scale,
     )  # fmt: skip
     context = scaler.context(packed, mesh).of()
     learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), torch.from_numpy(context))
     np.testing.assert_allclose(learned, scaler.features(stack, context), rtol=0, atol=1e-5)
+
+
+def test_pairs_that_show_how_far_normals_are_from_the_true_one_are_chosen():
+    stack = unit(np.random.default_rng(0).normal(size=(500, 6, 3))).astype(np.float32)
+    found = informative_pairs(stack, stack[:, 2], 5)
+    np.testing.assert_array_equal(found, [[0, 2], [1, 2], [2, 3], [2, 4], [2, 5]])
 
 
 def test_chord_is_twice_the_sine_of_half_the_angle():

@@ -14,6 +14,7 @@ class TorchFeatures:
     """Compute `FeatureScaler.features` in torch."""
 
     def __init__(self, scaler: FeatureScaler, device: torch.device) -> None:
+        self._first, self._second = torch.tensor(scaler.pairs.T.astype(int), device=device)
         self._mean, self._scale, self._context_mean, self._context_scale = (
             torch.tensor(array, device=device)
             for array in (scaler.mean, scaler.scale, scaler.context_mean, scaler.context_scale)
@@ -21,9 +22,8 @@ class TorchFeatures:
 
     def own(self, stack: Tensor) -> Tensor:
         """Return the normalised features of the faces without their context, (m, d)."""
-        first, second = torch.triu_indices(stack.shape[1], stack.shape[1], 1, device=stack.device)
         axes = stack.transpose(1, 2).contiguous()
-        x, y, z = (axes.index_select(2, first) - axes.index_select(2, second)).square_().unbind(dim=1)
+        x, y, z = (axes.index_select(2, self._first) - axes.index_select(2, self._second)).square_().unbind(dim=1)
         return ((0.5 * (x + y + z) + FLOOR).log_() - self._mean).mul_(self._scale)
 
     def __call__(self, stack: Tensor, context: Tensor) -> Tensor:

@@ -23,7 +23,8 @@ from cascadenorm.execution.process_map import Map, parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, TrainConfig
-from cascadenorm.learned.features import Array, FeatureScaler, pairwise_features
+from cascadenorm.learned.descriptors import Stack
+from cascadenorm.learned.features import Array, FeatureScaler, all_pairs, pairwise_features
 from cascadenorm.learned.regression import Regression, nearest
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed
@@ -31,12 +32,13 @@ from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.network_training import TrainingFaces, train_network
 from cascadenorm.learned.training.samples import Sample
 from cascadenorm.learned.training.training_log import Pass, Recorder, unrecorded
-from cascadenorm.mesh import Vectors, in_blocks, thread_count
+from cascadenorm.mesh import Ints32, Vectors, in_blocks, thread_count
 
 KMEANS_FACES = 50_000
 SCALER_MESHES = 500
 """Number of meshes whose faces determine mean, deviation and principal directions."""
 LEAST_DEVIATION = 0.1  # least deviation of a feature; logarithms have a spread of 2 and more, openness of a third
+LEAST_VARIANCE = 0.01  # variance that the pairs chosen before must leave of a pair, as a share of its own
 FEATURES_AT_A_TIME = 32  # number of features whose deviations are computed together, in double precision
 
 
@@ -120,7 +122,7 @@ def _train_stage(
     if done := distributed.broadcast(partial(checkpoints.read_arrays, finished)):
         return done
     rng = np.random.default_rng([config.seed, number])
-    scaler, faces = _described(samples, each, config.context, settings, f"stage {number + 1} descriptors", progress)
+    scaler, faces = _described(samples, each, config, settings, f"stage {number + 1} descriptors", progress)
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
     def features(rows: NDArray[np.intp] | slice) -> Array:
@@ -182,7 +184,7 @@ def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[lis
 
 
 def _described(
-    samples: list[Sample], each: Map, context: int, settings: Stage, task: str, progress: Progress
+    samples: list[Sample], each: Map, config: TrainConfig, settings: Stage, task: str, progress: Progress
 ) -> tuple[FeatureScaler, TrainingFaces]:
     """Fit the feature scaler, and collect the filtered normals, context and targets of the drawn faces.
 
@@ -194,17 +196,21 @@ def _described(
     for done, stack in enumerate(each(partial(Sample.stack, settings=settings), few), 1):
         stacks.append(stack)
         progress(task, done, steps)
-    own = pairwise_features(np.concatenate(stacks))
+    stack = np.concatenate(stacks)
+    pairs = all_pairs(stack.shape[1])
+    if 0 < config.pairs < len(pairs):
+        pairs = informative_pairs(stack, np.concatenate([sample.truth for sample in few]), config.pairs)
+    own = pairwise_features(stack, pairs)
     mean, scale = _mean_and_scale(own)
     own -= mean
     own *= scale
     covariance = distributed.all_reduce(np.asarray(own.T.astype(np.float64) @ own))
     del own
-    directions = np.linalg.eigh(covariance)[1][:, : -1 - context : -1]
+    directions = np.linalg.eigh(covariance)[1][:, : -1 - config.context : -1]
     directions *= np.sign(np.take_along_axis(directions, np.abs(directions).argmax(axis=0)[None], axis=0))
     none = np.zeros(1, np.float32)
     scaler = FeatureScaler(
-        mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
+        pairs=pairs, mean=mean, scale=scale, projection=np.ascontiguousarray(directions, np.float32),
         context_mean=none, context_scale=none + 1,
     )  # fmt: skip
     truth = np.concatenate([sample.truth for sample in samples])
@@ -220,6 +226,40 @@ def _described(
     context_mean, context_scale = _mean_and_scale(collected[1])
     scaler = replace(scaler, context_mean=context_mean, context_scale=context_scale)
     return scaler, TrainingFaces(*map(torch.from_numpy, (*collected, truth)))
+
+
+def informative_pairs(stack: Stack, truth: Array, count: int) -> Ints32:
+    """Return the pairs of filtered normals whose angles show best how far each filtered normal is from the true one.
+
+    The pairs are chosen one after the other (orthogonal least squares, Chen, Billings, Luo 1989). Each is the one that
+    explains most of the variance of the features of filtered and true normals that the pairs before it leave.
+
+    Parameters
+    ----------
+    stack, truth
+        (m, k, 3) filtered and (m, 3) true normals.
+    count
+        Number of pairs.
+
+    Returns
+    -------
+    (count, 2) pairs, in row order.
+    """
+    pairs, last = all_pairs(stack.shape[1] + 1), stack.shape[1]
+    features = pairwise_features(np.concatenate([stack, truth[:, None]], axis=1), pairs)
+    mean, scale = _mean_and_scale(features)
+    features = (features - mean) * scale
+    left = distributed.all_reduce(np.asarray(features.T.astype(np.float64) @ features))
+    left /= left.diagonal().max()
+    candidates, targets = np.flatnonzero(pairs[:, 1] < last), np.flatnonzero(pairs[:, 1] == last)
+    chosen = list[np.intp]()
+    for _ in range(count):
+        variances = np.maximum(left[candidates, candidates], LEAST_VARIANCE)
+        gains = np.square(left[np.ix_(candidates, targets)]).sum(axis=1) / variances
+        gains[np.isin(candidates, chosen)] = -1
+        chosen.append(best := candidates[gains.argmax()])
+        left -= np.outer(left[best], left[best] / max(left[best, best], np.finfo(float).tiny))
+    return pairs[np.sort(chosen)]
 
 
 def _mean_and_scale(x: Array) -> tuple[Array, Array]:
