@@ -41,7 +41,7 @@ class Topology:
 
     def forget_adjacent_faces(self) -> None:
         """Free the relations between faces and of edges to faces, but not those of vertices."""
-        for name in ("edge_faces", "interior_edges", "face_pairs", "faces_across"):
+        for name in ("face_edges", "edge_faces", "interior_edges", "face_pairs", "faces_across"):
             self.__dict__.pop(name, None)
         self._face_rings.clear()
 
@@ -65,24 +65,21 @@ class Topology:
         return found
 
     @cached_property
-    def _edges(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Unique undirected edges, and the edge of each face side; side k joins corners k and k + 1."""
+    def edges(self) -> NDArray[np.int32]:
+        """(e, 2) vertices of each undirected edge, lower index first, rows ascending."""
         parts = parallel_for(self.vertex_count, edges_up_range, self.faces, self.vertex_faces)
         up = joined_rows(self.vertex_count, parts)
+        return np.stack([up.rows, up.indices], axis=1)
+
+    @cached_property
+    def face_edges(self) -> NDArray[np.int32]:
+        """(m, 3) edge of each face side; side k joins corners k and (k + 1) % 3."""
+        lower, higher = np.ascontiguousarray(self.edges.T)
+        up = Csr(np.append(0, np.cumsum(np.bincount(lower, minlength=self.vertex_count))), higher)
         of_sides = np.empty(self.faces.shape, np.int32)
         parallel_for(self.vertex_count, sides_up_range, self.faces, self.vertex_faces, up, of_sides)
         of_sides.flags.writeable = False  # same type as `faces`, so that kernels are compiled once
-        return np.stack([up.rows, up.indices], axis=1), of_sides
-
-    @property
-    def edges(self) -> NDArray[np.int32]:
-        """(e, 2) vertices of each undirected edge, lower index first, rows ascending."""
-        return self._edges[0]
-
-    @property
-    def face_edges(self) -> NDArray[np.int32]:
-        """(m, 3) edge of each face side; side k joins corners k and (k + 1) % 3."""
-        return self._edges[1]
+        return of_sides
 
     @cached_property
     def edge_faces(self) -> Csr:
