@@ -154,14 +154,14 @@ def _filter_range(
     seen = np.full(len(faces), -1, np.int32), np.full(len(around.indptr) - 1, -1, np.int32)
     for group in range(start, stop):
         some = members[starts[group] : starts[group + 1]]
-        spread = 0.0
+        extent = 0.0
         for f in some:
-            spread = max(spread, np.sqrt(squared_distance(row(centroids, f), row(centroids, some[0]))))
+            extent = max(extent, np.sqrt(squared_distance(row(centroids, f), row(centroids, some[0]))))
         if rings == UNLIMITED:
-            count = search_group(some, spread, faces, around, centroids, radius, search)
+            count = search_group(some, extent, faces, around, centroids, radius, search)
             if count >= 0:
                 _filter_members(
-                    some, spread, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out
+                    some, extent, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out
                 )
                 continue
 
@@ -179,7 +179,7 @@ def _filter_range(
 @kernel
 def _filter_members(
     members: Ints32,
-    spread: float,
+    extent: float,
     count: int,
     search: GroupSearch,
     centroids: Vectors,
@@ -199,7 +199,7 @@ def _filter_members(
     for s in range(len(spatial)):
         # the faces that may be within this σ_s of a member; all σ_r share them
         factor, size = spatial[s], 0
-        reach = (1.000001 * np.sqrt(largest / factor) + spread) ** 2
+        reach = (1.000001 * np.sqrt(largest / factor) + extent) ** 2
         for k in range(count):
             near[size] = k
             size += search.squared[k] <= reach

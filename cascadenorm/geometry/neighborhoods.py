@@ -179,8 +179,8 @@ class GroupSearch(NamedTuple):
         (m,) and (n,) first member of the last group whose search has met each face and vertex; initially -1.
     places
         (m,) place of each face that this search has met in the result, or -1 if it is too far away.
-    spread
-        (n,) members, as bits, that the search has gone on from each vertex for.
+    passed
+        (n,) members, as bits, for which the search has gone on from each vertex.
     found, squared
         (s,) faces, and the squared distances of their centroids from that of the first member.
     near, reached
@@ -192,7 +192,7 @@ class GroupSearch(NamedTuple):
     met_faces: Ints32
     met_vertices: Ints32
     places: Ints32
-    spread: Ints32
+    passed: Ints32
     found: Ints32
     squared: Floats
     near: Ints32
@@ -213,18 +213,18 @@ def group_search(faces: int, vertices: int, most: int) -> GroupSearch:
 
 @kernel
 def search_group(
-    members: Ints32, spread: float, faces: Ints32, around: Csr, centroids: Vectors, radius: float, search: GroupSearch
+    members: Ints32, extent: float, faces: Ints32, around: Csr, centroids: Vectors, radius: float, search: GroupSearch
 ) -> int:
     """Search around several faces at once; return the number of faces found, or -1 if there is no space for them.
 
     The neighbourhood of a member contains the faces with a centroid within the radius of its own that are connected to
     it through such faces. All members share a vertex with the first one and are within the radius of it, at most
-    `spread` away, so that a single breadth-first search finds the neighbourhoods of all (Then et al., The More the
+    `extent` away, so that a single breadth-first search finds the neighbourhoods of all (Then et al., The More the
     Merrier: Efficient Multi-Source Graph Traversal, 2014).
     """
     first, every = members[0], (1 << len(members)) - 1
     center, limit = row(centroids, first), radius * radius
-    all_near, none_near = max(0.999999 * radius - spread, 0.0) ** 2, (1.000001 * radius + spread) ** 2
+    all_near, none_near = max(0.999999 * radius - extent, 0.0) ** 2, (1.000001 * radius + extent) ** 2
     search.met_faces[first], search.places[first] = first, 0
     search.found[0], search.squared[0], search.near[0], search.reached[0] = first, 0.0, every, every
     search.queue[0], search.queued[0] = 0, True
@@ -237,11 +237,11 @@ def search_group(
         for corner in range(3):
             v = faces[search.found[place], corner]
             if search.met_vertices[v] != first:
-                search.met_vertices[v], search.spread[v] = first, 0
-            new = search.reached[place] & ~search.spread[v]
+                search.met_vertices[v], search.passed[v] = first, 0
+            new = search.reached[place] & ~search.passed[v]
             if new == 0:  # the search has met all faces around the vertex for these members
                 continue
-            search.spread[v] |= new
+            search.passed[v] |= new
             for k in range(around.indptr[v], around.indptr[v + 1]):
                 g = around.indices[k]
                 if search.met_faces[g] != first:
