@@ -124,8 +124,10 @@ class FeatureScaler:
 
 
 def all_pairs(count: int) -> Ints32:
-    """Return the pairs i < j of `count` normals, (count (count - 1) / 2, 2), in row order."""
-    return np.stack(np.triu_indices(count, 1), axis=1).astype(np.int32)
+    """Return the pairs i < j of `count` normals, (count (count - 1) / 2, 2), in row order; the array is read-only."""
+    pairs = np.stack(np.triu_indices(count, 1), axis=1).astype(np.int32)
+    pairs.flags.writeable = False
+    return pairs
 
 
 def pairwise_features(stack: Stack, pairs: Ints32) -> NDArray[np.float32]:
