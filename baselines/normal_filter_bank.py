@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cascadenorm.compute.elementary import expf
 from cascadenorm.compute.kernels import inlined_sum
 from cascadenorm.geometry.neighborhoods import (
-    UNLIMITED,
     GroupSearch,
     faces_near,
     group_search,
@@ -47,26 +46,24 @@ def filtered_normals(
     sigma_s: tuple[float, ...],
     sigma_r: tuple[float, ...],
     cutoff: float,
-    rings: int | None = None,
 ) -> NDArray[np.float32]:
     """Filter the face normals once by a joint bilateral filter for each σ_s and each σ_r.
 
     The guides are (s, m, 3) unit normals, one field for each σ_s; the range weight depends on the chords between them.
     σ_s are spreads of the distance in mean edge lengths, σ_r those of the chords; infinity disables the range weight. A
     filter sums over the faces with centroids within `cutoff` σ_s that are connected to the face by such faces, at most
-    MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian. If `rings` is given, the filter sums over that many
-    rings of faces instead; two rings cover less than half of the Gaussian at σ_s = 2. Returns (m, s · r, 3) float32
+    MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian. Returns (m, s · r, 3) float32
     unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the face normal is kept.
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
-    radius = filter_radius(mesh, sigma_s, cutoff) if rings is None else np.inf
-    members, starts = _groups(mesh.faces, mesh.topology.vertex_faces, mesh.centroids, radius if rings is None else -1.0)
+    radius = filter_radius(mesh, sigma_s, cutoff)
+    members, starts = _groups(mesh.faces, mesh.topology.vertex_faces, mesh.centroids, radius**2)
     parallel_for(
         len(starts) - 1, _filter_range, members, starts, mesh.faces, mesh.topology.vertex_faces, mesh.centroids,
         (mesh.area_vectors / mesh.median_area).astype(np.float32), mesh.face_normals,
         np.ascontiguousarray(guides, np.float32), 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2,
-        (0.5 / np.array(sigma_r) ** 2).astype(np.float32), 0.5 * cutoff**2 if rings is None else np.inf,
-        radius, UNLIMITED if rings is None else rings, out, smallest=SMALLEST_COSTLY_CHUNK // 8,
+        (0.5 / np.array(sigma_r) ** 2).astype(np.float32), 0.5 * cutoff**2, radius,
+        out, smallest=SMALLEST_COSTLY_CHUNK // 8,
     )  # fmt: skip
     return out
 
@@ -97,16 +94,16 @@ def _weighted_sum(count: int, weight: Floats32, x: Floats32, y: Floats32, z: Flo
 
 
 @kernel
-def _groups(faces: Ints32, around: Csr, centroids: Vectors, radius: float) -> tuple[Ints32, Ints]:
-    """Divide the faces into groups that are searched together; a negative radius makes each face a group.
+def _groups(faces: Ints32, around: Csr, centroids: Vectors, limit: float) -> tuple[Ints32, Ints]:
+    """Divide the faces into groups that are searched together.
 
     Returns
     -------
     (m,) members of all groups and (g + 1,) start of each group. The members of a group share a vertex with the first
-    one, and are within the radius of it.
+    one, and the squared distance from it is within the limit.
     """
     members, starts = np.empty(len(faces), np.int32), np.zeros(len(faces) + 1, np.int64)
-    taken, limit = np.zeros(len(faces), np.bool_), radius * abs(radius)
+    taken = np.zeros(len(faces), np.bool_)
     end = count = 0
     for f in range(len(faces)):
         if taken[f]:
@@ -141,14 +138,13 @@ def _filter_range(
     spreads: Floats32,
     largest: float,
     radius: float,
-    rings: int,
     out: Floats32,
 ) -> None:
     """Compute all filters of each face of some groups. Only its group writes row f.
 
     The area vectors, (m, 3), are in any unit. `spatial` and `spreads` are the factors of the squared distance and of
-    the squared chord in the exponent. Faces with a spatial exponent above `largest` are left out; `radius` and `rings`
-    limit the search.
+    the squared chord in the exponent. Faces with a spatial exponent above `largest` are left out; `radius` limits the
+    search.
     """
     search = group_search(len(faces), len(around.indptr) - 1, MOST_NEIGHBORS)
     seen = np.full(len(faces), -1, np.int32), np.full(len(around.indptr) - 1, -1, np.int32)
@@ -157,19 +153,16 @@ def _filter_range(
         extent = 0.0
         for f in some:
             extent = max(extent, np.sqrt(squared_distance(row(centroids, f), row(centroids, some[0]))))
-        if rings == UNLIMITED:
-            count = search_group(some, extent, faces, around, centroids, radius, search)
-            if count >= 0:
-                _filter_members(
-                    some, extent, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out
-                )
-                continue
-
-        # a face alone, for which the search stops after so many rings or faces
-        for i in range(len(some)):
-            count = search_faces(
-                some[i], faces, around, centroids, radius * radius, rings, seen, search.found, search.squared
+        count = search_group(some, extent, faces, around, centroids, radius, search)
+        if count >= 0:
+            _filter_members(
+                some, extent, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out
             )
+            continue
+
+        # too many faces for a group: search around each member alone, up to MOST_NEIGHBORS
+        for i in range(len(some)):
+            count = search_faces(some[i], faces, around, centroids, radius**2, seen, search.found, search.squared)
             search.reached[:count] = 1
             _filter_members(
                 some[i : i + 1], 0.0, count, search, centroids, vectors, normals, guides, spatial, spreads, largest, out

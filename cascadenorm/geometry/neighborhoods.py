@@ -130,7 +130,6 @@ def search_faces(
     around: Csr,
     centroids: Vectors,
     limit: float,
-    rings: int,
     seen: tuple[Ints32, Ints32],
     found: Ints32,
     distances: Floats,
@@ -138,35 +137,31 @@ def search_faces(
     """Search breadth first from face f over faces that share a vertex; return the number of faces found.
 
     The faces and the squared distances of their centroids from that of f, at most `limit`, are written to `found` and
-    `distances`. The search stops when these are full, or after `rings` steps. `seen` is the last face whose search has
-    met each face, (m,), and each vertex, (n,); initially -1.
+    `distances`. The search stops when these are full. `seen` is the last face whose search has met each face, (m,), and
+    each vertex, (n,); initially -1.
     """
     of_faces, of_vertices = seen
     found[0], distances[0], of_faces[f] = f, 0.0, f
-    first, end = 0, 1
-    for _ in range(rings):
-        last = end
-        for current in range(first, last):
-            for corner in range(3):
-                v = faces[found[current], corner]
-                if of_vertices[v] == f:  # the search has met all faces around it
+    current, end = 0, 1
+    while current < end:
+        for corner in range(3):
+            v = faces[found[current], corner]
+            if of_vertices[v] == f:  # the search has met all faces around it
+                continue
+            of_vertices[v] = f
+            for k in range(around.indptr[v], around.indptr[v + 1]):
+                g = around.indices[k]
+                if of_faces[g] == f:
                     continue
-                of_vertices[v] = f
-                for k in range(around.indptr[v], around.indptr[v + 1]):
-                    g = around.indices[k]
-                    if of_faces[g] == f:
-                        continue
-                    of_faces[g] = f
-                    squared = squared_distance(row(centroids, g), row(centroids, f))
-                    if squared > limit:
-                        continue
-                    if end == len(found):
-                        return end
-                    found[end], distances[end] = g, squared
-                    end += 1
-        if end == last:
-            break
-        first = last
+                of_faces[g] = f
+                squared = squared_distance(row(centroids, g), row(centroids, f))
+                if squared > limit:
+                    continue
+                if end == len(found):
+                    return end
+                found[end], distances[end] = g, squared
+                end += 1
+        current += 1
     return end
 
 
@@ -287,7 +282,7 @@ def _faces_near_range(
     every = np.empty(max(64, 24 * (stop - start)), np.int32)
     end = 0
     for i in range(start, stop):
-        count = search_faces(rows[i], faces, around, centroids, limit, UNLIMITED, seen, found, distances)
+        count = search_faces(rows[i], faces, around, centroids, limit, seen, found, distances)
         while end + count > len(every):
             every = doubled(every)
         for k in range(count):

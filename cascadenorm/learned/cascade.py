@@ -21,7 +21,7 @@ from cascadenorm.mesh import Mesh, Vectors
 CASCADE_FORMATS = ("cascadenorm/8", "cascadenorm/7", "cascadenorm/6")
 """Formats of weights files. The first one is written. A format identifies the constants in `descriptors` and
 `features` too: add a format when a constant changes. In the second one, networks read all pairs of filtered normals; in
-the third one, weightings have other names as well."""
+the third one, weightings have other names as well. Both have a setting `neighborhood` for stages."""
 OLD_WEIGHTINGS = {"heights": "uniform", "angles": "inverse-height"}
 
 
@@ -106,10 +106,13 @@ class Cascade:
         """
         stages = []
         for s, stage in enumerate(header["stages"]):
-            weighting = OLD_WEIGHTINGS.get(stage["weighting"], stage["weighting"])
+            settings = dict(stage)
+            if settings.pop("neighborhood", "distance") == "rings" and stage["descriptor"].startswith(("B", "n+B")):
+                raise ParameterError(f"{source} needs what this version lacks: filters over rings of faces")
+            settings["weighting"] = OLD_WEIGHTINGS.get(stage["weighting"], stage["weighting"])
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
             try:
-                stages.append(Regression.from_arrays(Stage(**{**stage, "weighting": weighting}), mine))
+                stages.append(Regression.from_arrays(Stage(**settings), mine))
             except ConfigError as error:
                 raise ParameterError(f"{source} needs what this version lacks: {error}") from None
             except KeyError as error:

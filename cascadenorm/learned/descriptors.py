@@ -4,7 +4,7 @@ They include B-FND and G-FND (Wang, Liu, Tong 2016).
 """
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,8 @@ SIGMA_S = (1.0, 2.0)
 """Spatial spreads of B-FND and G-FND, in mean edge lengths."""
 SIGMA_R = (0.1, 0.2, 0.35, 0.5, np.inf)
 """Range spreads of B-FND and G-FND, chords between unit normals."""
-Neighborhood = Literal["distance", "rings"]
-"""Neighbourhood of B-FND and G-FND: faces within CUTOFF spatial spreads, or within RINGS rings of faces."""
 CUTOFF = 2.5
-RINGS = 2
+"""Distance in spatial spreads within which B-FND and G-FND sum over faces."""
 ITERATED_SIGMA_R = (0.2, 0.35, 0.55, np.inf)
 """Range spreads of the iterated bilateral filters."""
 ITERATED_16 = (1, 4, 16)
@@ -42,7 +40,7 @@ Stack = NDArray[np.float32]
 """(m, k, 3) float32: k filtered unit normals of each of m faces."""
 
 
-def bilateral_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
+def bilateral_descriptor(mesh: Mesh) -> Stack:
     """Compute B-FND: the normal of each face after one bilateral pass for each σ_s and σ_r.
 
     Returns
@@ -50,10 +48,10 @@ def bilateral_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
     (m, 10, 3) unit normals, σ_r ascending within σ_s ascending.
     """
     guides = np.broadcast_to(mesh.face_normals, (len(SIGMA_S), *mesh.face_normals.shape))
-    return _filtered(mesh, guides, SIGMA_R, neighborhood)
+    return _filtered(mesh, guides, SIGMA_R)
 
 
-def guided_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
+def guided_descriptor(mesh: Mesh) -> Stack:
     """Compute B-FND and G-FND, in which the normals are guided by Gaussian-filtered ones.
 
     The guidance of G-FND, from which the range weights are computed, is the filter with σ_r = ∞ of the same σ_s. That
@@ -63,14 +61,13 @@ def guided_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> Stack:
     -------
     (m, 10 + 8, 3) unit normals.
     """
-    plain = bilateral_descriptor(mesh, neighborhood)
+    plain = bilateral_descriptor(mesh)
     guides = plain[:, len(SIGMA_R) - 1 :: len(SIGMA_R)].swapaxes(0, 1)
-    return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1], neighborhood)], axis=1)
+    return np.concatenate([plain, _filtered(mesh, guides, SIGMA_R[:-1])], axis=1)
 
 
-def _filtered(mesh: Mesh, guides: Floats | Floats32, sigma_r: tuple[float, ...], neighborhood: Neighborhood) -> Stack:
-    rings = RINGS if neighborhood == "rings" else None
-    return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, cutoff=CUTOFF, rings=rings)
+def _filtered(mesh: Mesh, guides: Floats | Floats32, sigma_r: tuple[float, ...]) -> Stack:
+    return filtered_normals(mesh, guides, sigma_s=SIGMA_S, sigma_r=sigma_r, cutoff=CUTOFF)
 
 
 class Descriptor(NamedTuple):
@@ -83,13 +80,13 @@ class Descriptor(NamedTuple):
     fill
         Function that writes them to packed normals, (m, k, 3).
     rings
-        Number of edges within which the normals depend on the mesh, if filters B and G use rings of faces.
+        Number of edges within which the normals depend on the mesh, except for filters B and G.
     filters
         Number of filters B and G that are applied one after the other.
     """
 
     size: int
-    fill: Callable[[PackedNormals, Mesh, Mesh, Neighborhood], None]
+    fill: Callable[[PackedNormals, Mesh, Mesh], None]
     rings: int
     filters: int = 0
 
@@ -99,19 +96,19 @@ def _pack_own(out: PackedNormals, mesh: Mesh) -> None:
     pack(mesh.face_normals.astype(np.float32)[:, None], out[:, :1])
 
 
-def _bank(describe: Callable[[Mesh, Neighborhood], Stack], count: int, *, times: int, own: bool = False) -> Descriptor:
+def _bank(describe: Callable[[Mesh], Stack], count: int, *, times: int, own: bool = False) -> Descriptor:
     """Return B-FND, with or without G-FND, optionally preceded by the face normal, as `times` successive filters."""
 
-    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
-        pack(describe(mesh, neighborhood), out[:, int(own) :])
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh) -> None:
+        pack(describe(mesh), out[:, int(own) :])
         if own:
             _pack_own(out, mesh)
 
-    return Descriptor(own + count, fill, times * RINGS, times)
+    return Descriptor(own + count, fill, 0, times)
 
 
 def _iterated(passes: tuple[int, ...]) -> Descriptor:
-    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh) -> None:
         _pack_own(out, mesh)
         each = iterated_bilateral_normals(mesh, sigma_r=ITERATED_SIGMA_R, passes=passes)
         for place, normals in zip(range(1, out.shape[1], len(ITERATED_SIGMA_R)), each, strict=True):
@@ -142,8 +139,8 @@ def _smoothing(passes: tuple[int, ...]) -> int:
 def _first(passes: tuple[int, ...]) -> Descriptor:
     iterated = _iterated(passes)
 
-    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
-        iterated.fill(out[:, : iterated.size], mesh, noisy, neighborhood)
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh) -> None:
+        iterated.fill(out[:, : iterated.size], mesh, noisy)
         _pack_smoothed(out[:, iterated.size :], mesh, _direction(out), SMOOTH_PASSES)
 
     return Descriptor(iterated.size + len(SMOOTH_PASSES), fill, max(iterated.rings, _smoothing(SMOOTH_PASSES)))
@@ -153,9 +150,9 @@ def _later() -> Descriptor:
     """Filter the current mesh, and smooth the noisy mesh along the current normals, which can restore detail."""
     iterated, passes = _iterated(ITERATED_16), LATER_SMOOTH_PASSES
 
-    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh, neighborhood: Neighborhood) -> None:
+    def fill(out: PackedNormals, mesh: Mesh, noisy: Mesh) -> None:
         bilateral, smoothed, of_noisy = np.split(out, [iterated.size, iterated.size + len(passes)], axis=1)
-        iterated.fill(bilateral, mesh, noisy, neighborhood)
+        iterated.fill(bilateral, mesh, noisy)
         _pack_smoothed(smoothed, mesh, _direction(out), passes)
         _pack_smoothed(of_noisy, noisy, mesh.face_normals, passes, sigma_r=SMOOTH_SIGMA_R)
 

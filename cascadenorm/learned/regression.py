@@ -131,7 +131,7 @@ def stage_stack(settings: Stage, mesh: Mesh, noisy: Mesh) -> PackedNormals:
     """Filter the normals of a mesh for a stage, (m, k, 3)."""
     descriptor = DESCRIPTORS[settings.descriptor]
     stack = no_normals(len(mesh.faces), descriptor.size)
-    descriptor.fill(stack, mesh, noisy, settings.neighborhood)
+    descriptor.fill(stack, mesh, noisy)
     return stack
 
 

@@ -5,7 +5,7 @@ from typing import Literal, get_args
 
 from cascadenorm.baselines.vertex_update import Foldovers, Weighting
 from cascadenorm.errors import ConfigError
-from cascadenorm.learned.descriptors import DESCRIPTORS, Neighborhood
+from cascadenorm.learned.descriptors import DESCRIPTORS
 
 Activation = Literal["silu", "tanh"]
 
@@ -18,8 +18,6 @@ class Stage:
     ----------
     descriptor
         Filtered normals that the stage reads, a name in DESCRIPTORS.
-    neighborhood
-        Neighbourhood of the filters B and G: "rings", or "distance" as published. Other filters use one ring.
     activation
         Activation of the hidden layers of its networks, "silu" or "tanh".
     weighting, foldovers, sweeps
@@ -27,7 +25,6 @@ class Stage:
     """
 
     descriptor: str
-    neighborhood: Neighborhood = "rings"
     activation: Activation = "silu"
     weighting: Weighting = "uniform"
     foldovers: Foldovers = "avoid"
@@ -36,7 +33,6 @@ class Stage:
     def __post_init__(self) -> None:
         for name, known in (
             ("descriptor", DESCRIPTORS),
-            ("neighborhood", get_args(Neighborhood)),
             ("activation", get_args(Activation)),
             ("weighting", get_args(Weighting)),
             ("foldovers", get_args(Foldovers)),

@@ -138,7 +138,7 @@ def _without_context(stage: Regression, patch: MeshPatch, noisy: Vectors) -> Vec
 def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> PackedNormals:
     """Filter the normals of a patch. Raises TooNarrow if filters reach beyond the halo."""
     filters = DESCRIPTORS[settings.descriptor].filters
-    if filters and settings.neighborhood == "distance":
+    if filters:
         seen = patch.own
         for _ in range(filters):
             seen = faces_added(patch.mesh, seen, sigma_s=SIGMA_S, cutoff=CUTOFF)
@@ -149,4 +149,4 @@ def _stack(settings: Stage, patch: MeshPatch, noisy: Vectors) -> PackedNormals:
 def _receptive_field(settings: Stage) -> int:
     """Return the receptive field of the filtered normals in edges, or the first one to try."""
     descriptor = DESCRIPTORS[settings.descriptor]
-    return BY_DISTANCE if descriptor.filters and settings.neighborhood == "distance" else descriptor.rings
+    return BY_DISTANCE if descriptor.filters else descriptor.rings

@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     stack = stage_stack(stage.settings, noisy, noisy)
     context = stage.scaler.context(stack, noisy).of()
     cluster = nearest(stage.scaler.features(unpacked(stack), context), stage.centers)
-    bilateral = bilateral_descriptor(noisy, stage.settings.neighborhood)
+    bilateral = bilateral_descriptor(noisy)
     normals = stage.normals(noisy, stack)
     first, *_, last = model.steps(noisy)
 

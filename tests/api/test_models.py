@@ -78,7 +78,7 @@ def test_the_shipped_cascade_is_the_published_method():
     assert [stage.settings.descriptor for stage in stages] == ["B+G", "B", "B"]
     for stage in stages:
         settings, count = stage.settings, filtered[stage.settings.descriptor]
-        assert (settings.neighborhood, settings.weighting, settings.foldovers) == ("distance", "uniform", "ignore")
+        assert (settings.weighting, settings.foldovers) == ("uniform", "ignore")
         assert settings.activation == "tanh"
         assert len(stage.centers) == 4 and len(stage.layers) == 2
         assert stage.layers[0][0].shape[1] == stage.centers.shape[1] == count * (count - 1) // 2 + context

@@ -1,7 +1,6 @@
 import json
 from dataclasses import asdict, replace
 from itertools import product
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -25,13 +24,11 @@ from cascadenorm.learned.descriptors import (
     ITERATED_64,
     ITERATED_SIGMA_R,
     LATER_SMOOTH_PASSES,
-    RINGS,
     SIGMA_R,
     SIGMA_S,
     SMOOTH_PASSES,
     SMOOTH_SIGMA_R,
     SMOOTHING_DIRECTION,
-    Neighborhood,
     bilateral_descriptor,
     guided_descriptor,
 )
@@ -56,8 +53,8 @@ MESH = noisy(icosphere(2), 0.2)
 TURN = Rotation.from_euler("xyz", [0.4, -1.1, 2.0]).as_matrix()
 
 
-def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
-    """The descriptors as the paper writes them: B-FND, then G-FND, face by face; "distance" cuts the Gaussian."""
+def reference_descriptor(mesh: Mesh) -> np.ndarray:
+    """The descriptors as the paper writes them: B-FND, then G-FND, face by face, with Gaussians that are cut off."""
     n, c, a, l = mesh.face_normals, mesh.centroids, mesh.areas, mesh.mean_edge_length
 
     def gauss(x, sigma):
@@ -67,8 +64,7 @@ def reference_descriptor(mesh: Mesh, neighborhood: Neighborhood) -> np.ndarray:
         rows = []
         for f in range(len(n)):
             distance = np.linalg.norm(c - c[f], axis=1)
-            near = np.flatnonzero(distance <= CUTOFF * sigma_s * l)
-            g = near if neighborhood == "distance" else np.append(mesh.topology.face_rings(RINGS).row(f), f)
+            g = np.flatnonzero(distance <= CUTOFF * sigma_s * l)
             w = a[g] * gauss(distance[g], sigma_s * l)
             w *= gauss(np.linalg.norm(guide[g] - guide[f], axis=1), sigma_r)
             rows.append(w @ n[g])
@@ -93,7 +89,7 @@ def smoothed(mesh: Mesh, along: np.ndarray, passes: tuple[int, ...], sigma_r: fl
 
 def stage_settings(descriptor: str, *, activation: str = "tanh") -> Stage:
     """Settings of a stage."""
-    return Stage(descriptor=descriptor, neighborhood="distance", activation=activation, foldovers="ignore")
+    return Stage(descriptor=descriptor, activation=activation, foldovers="ignore")
 
 
 def random_regression(descriptor: str, *, seed: int = 0, activation: str = "tanh") -> Regression:
@@ -120,31 +116,27 @@ def random_regression(descriptor: str, *, seed: int = 0, activation: str = "tanh
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("neighborhood", get_args(Neighborhood))
-def test_descriptors_equal_their_formula(neighborhood):
-    guided = guided_descriptor(MESH, neighborhood)
-    np.testing.assert_allclose(guided, reference_descriptor(MESH, neighborhood), atol=3e-6)
-    plain = bilateral_descriptor(MESH, neighborhood)
+def test_descriptors_equal_their_formula():
+    guided = guided_descriptor(MESH)
+    np.testing.assert_allclose(guided, reference_descriptor(MESH), atol=3e-6)
+    plain = bilateral_descriptor(MESH)
     np.testing.assert_array_equal(plain, guided[:, : len(SIGMA_S) * len(SIGMA_R)])
 
 
-def test_a_neighborhood_by_distance_holds_the_gaussian_and_two_rings_do_not():
+def test_the_faces_of_a_filter_hold_the_gaussian():
     """On an even triangulation, where Σ A exp(-d²/2σ²) of all faces is 2πσ²."""
     ball = icosphere(4)
-    sigma_s, held = 2 * ball.mean_edge_length, []
-    every = np.arange(len(ball.faces), dtype=np.int32)
-    for near in (ball.topology.face_rings(RINGS), faces_near(ball, every, CUTOFF * sigma_s)):
-        distance = np.linalg.norm(ball.centroids[near.indices] - ball.centroids[near.rows], axis=1)
-        distance[distance > CUTOFF * sigma_s] = np.inf
-        weights = np.bincount(near.rows, ball.areas[near.indices] * np.exp(-0.5 * (distance / sigma_s) ** 2))
-        held.append(weights.mean() / (2 * np.pi * sigma_s**2))
-    assert held[0] < 0.5 and held[1] > 0.94
+    sigma_s, every = 2 * ball.mean_edge_length, np.arange(len(ball.faces), dtype=np.int32)
+    near = faces_near(ball, every, CUTOFF * sigma_s)
+    distance = np.linalg.norm(ball.centroids[near.indices] - ball.centroids[near.rows], axis=1)
+    weights = np.bincount(near.rows, ball.areas[near.indices] * np.exp(-0.5 * (distance / sigma_s) ** 2))
+    assert weights.mean() / (2 * np.pi * sigma_s**2) > 0.94
 
 
 def test_the_own_normal_stands_before_the_filtered_ones():
     before = MESH.moved(1.1 * MESH.vertices + 0.1 * icosphere(2).vertices)
     plain = unpacked(stage_stack(stage_settings("B"), before, MESH))
-    np.testing.assert_allclose(plain, bilateral_descriptor(before, "distance"), atol=3e-7)
+    np.testing.assert_allclose(plain, bilateral_descriptor(before), atol=3e-7)
     both = unpacked(stage_stack(stage_settings("n+B"), before, MESH))
     np.testing.assert_array_equal(both[:, 1:], plain)
     np.testing.assert_allclose(both[:, 0], before.face_normals, atol=3e-7)
@@ -165,10 +157,12 @@ def test_packed_normals_differ_by_the_rounding_of_single_precision():
 
 
 def test_descriptors_of_a_plane_are_its_normal_and_their_angles_vanish():
-    side = cube(6)
-    flat = side.topology.face_rings(RINGS)
-    inside = [f for f in range(len(side.faces)) if np.ptp(side.face_normals[flat.row(f)], axis=0).max() == 0]
-    stack = guided_descriptor(side, "rings")[inside]
+    side = cube(14)
+    every = np.arange(len(side.faces), dtype=np.int32)
+    near = faces_near(side, every, CUTOFF * max(SIGMA_S) * side.mean_edge_length)
+    inside = [f for f in every if np.ptp(side.face_normals[near.row(f)], axis=0).max() == 0]
+    assert len(inside) > 10
+    stack = guided_descriptor(side)[inside]
     np.testing.assert_allclose(stack, np.broadcast_to(side.face_normals[inside][:, None], stack.shape), atol=1e-6)
     np.testing.assert_allclose(pairwise_features(stack, all_pairs(18)), np.log(FLOOR), atol=2e-2)
 
@@ -176,7 +170,7 @@ def test_descriptors_of_a_plane_are_its_normal_and_their_angles_vanish():
 def test_pairwise_features_do_not_see_rotation_scale_or_place():
     turned = Mesh(3 * MESH.vertices @ TURN.T + (5, -2, 9), MESH.faces)
     np.testing.assert_allclose(
-        *(np.exp(pairwise_features(guided_descriptor(mesh, "distance"), all_pairs(18))) for mesh in (turned, MESH)),
+        *(np.exp(pairwise_features(guided_descriptor(mesh), all_pairs(18))) for mesh in (turned, MESH)),
         atol=2e-6,
     )
 
@@ -367,7 +361,6 @@ CONSTANTS = {
     "sigma_s": (1.0, 2.0),
     "sigma_r": (0.1, 0.2, 0.35, 0.5, np.inf),
     "spreads": 2.5,
-    "rings": 2,
     "context_steps": (0, 1, 3, 7),
     "iterated_sigma_r": (0.2, 0.35, 0.55, np.inf),
     "iterated_64_passes": (1, 4, 16, 64),
@@ -383,7 +376,7 @@ CONSTANTS = {
 
 def test_another_constant_needs_another_format():
     found = {
-        "sigma_s": SIGMA_S, "sigma_r": SIGMA_R, "spreads": CUTOFF, "rings": RINGS, "context_steps": CONTEXT_STEPS,
+        "sigma_s": SIGMA_S, "sigma_r": SIGMA_R, "spreads": CUTOFF, "context_steps": CONTEXT_STEPS,
         "iterated_sigma_r": ITERATED_SIGMA_R, "iterated_64_passes": ITERATED_64,
         "iterated_32_passes": ITERATED_32,
         "iterated_16_passes": ITERATED_16, "smooth_passes": SMOOTH_PASSES,
@@ -416,6 +409,15 @@ def test_weights_with_the_header_of_an_older_version_give_the_same_vertices(tmp_
     assert read.vertices(MESH).tobytes() == cascade.vertices(MESH).tobytes()
 
 
+def test_weights_for_filters_over_rings_are_refused(tmp_path):
+    cascade = Cascade((random_regression("B"),), {})
+    old = [asdict(stage.settings) | {"neighborhood": "rings"} for stage in cascade.stages]
+    header = {"format": "cascadenorm/7", "card": {}, "stages": old}
+    save_file(cascade.tensors(), tmp_path / "old.safetensors", {"cascadenorm": json.dumps(header)})
+    with pytest.raises(ParameterError, match="needs what this version lacks: filters over rings of faces"):
+        Cascade.load(tmp_path / "old.safetensors")
+
+
 def test_files_that_hold_no_cascade_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="cannot be read: No such file"):
         Cascade.load(tmp_path / "missing.safetensors")
@@ -434,7 +436,7 @@ def test_files_that_hold_no_cascade_are_refused(tmp_path):
     save_file(arrays, partial, {"cascadenorm": json.dumps(header)})
     with pytest.raises(ParameterError, match="lacks 'projection' of stage 1"):
         Cascade.load(partial)
-    for name, value in (("descriptor", "C"), ("activation", "relu"), ("neighborhood", "all"), ("foldovers", "mend")):
+    for name, value in (("descriptor", "C"), ("activation", "relu"), ("foldovers", "mend")):
         later = header | {"stages": [stage | {name: value}]}
         save_file(arrays, partial, {"cascadenorm": json.dumps(later)})
         with pytest.raises(ParameterError, match=f"needs what this version lacks: {name} is '{value}'"):

@@ -68,7 +68,7 @@ def trained(tmp_path_factory):
 
 def to_learn_from(clean, level) -> tuple[TrainingFaces, FeatureScaler]:
     """All faces of a mesh with noise, and a scaler that leaves their features as they are."""
-    stack = bilateral_descriptor(noisy(clean, level), "rings")
+    stack = bilateral_descriptor(noisy(clean, level))
     pairs = all_pairs(stack.shape[1])
     inputs = len(pairs)
     zero, one, none = np.zeros(inputs, np.float32), np.ones(inputs, np.float32), np.zeros(0, np.float32)
@@ -94,7 +94,7 @@ def test_training_lowers_the_loss():
 
 def test_features_to_learn_from_are_those_at_run_time():
     mesh = noisy(icosphere(2), 0.3)
-    packed = stage_stack(Stage(descriptor="B", neighborhood="distance"), mesh, mesh)
+    packed = stage_stack(Stage(descriptor="B"), mesh, mesh)
     stack, rng = unpacked(packed), np.random.default_rng(0)
     pairs = all_pairs(10)[::2]
     mean, scale, context_mean, context_scale = (rng.uniform(0.5, 2, n).astype(np.float32) for n in (23, 23, 11, 11))
@@ -300,7 +300,7 @@ def test_the_settings_of_cascade_are_those_of_the_paper():
     config = read_config(Path(__file__).parents[2] / "configs" / "cascade.toml")
     assert [stage.descriptor for stage in config.stages] == ["B+G", "B", "B"]
     for stage in config.stages:
-        assert (stage.neighborhood, stage.weighting, stage.foldovers) == ("distance", "uniform", "ignore")
+        assert (stage.weighting, stage.foldovers) == ("uniform", "ignore")
         assert (stage.activation, stage.sweeps) == ("tanh", 20)
     assert (config.clusters, config.context, len(config.fit.hidden)) == (4, 24, 1)
 
@@ -342,7 +342,6 @@ def test_settings_are_read_from_toml(tmp_path):
         (STAGE + "sweeps = -1", "sweeps is -1; it must be at least 0"),
         (STAGE + 'sweeps = "many"', "stages.sweeps is 'many'; it must be of type int"),
         ('[[stages]]\ndescriptor = "C"', "descriptor is 'C'; it must be one of B, B"),
-        (STAGE + 'neighborhood = "all"', "neighborhood is 'all'; it must be one of distance, rings"),
         (STAGE + 'weighting = "areas"', "weighting is 'areas'; it must be one of uniform, inverse-height"),
         (STAGE + 'foldovers = "mend"', "foldovers is 'mend'; it must be one of avoid, ignore"),
         (STAGE + 'activation = "relu"', "activation is 'relu'; it must be one of silu, tanh"),
