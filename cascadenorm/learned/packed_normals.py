@@ -47,7 +47,8 @@ def _pack_range(start: int, stop: int, normals: Floats32, out: PackedNormals) ->
             for f in range(begin, min(begin + TILE, stop)):
                 x, y, z = normals[f, k, 0], normals[f, k, 1], normals[f, k, 2]
                 size = abs(x) + abs(y) + abs(z)
-                u, v = x / size, y / size
+                length = size if size > zero else one
+                u, v = x / length, y / length
                 if z < zero:
                     a, b = one - abs(v), one - abs(u)
                     u, v = a if u >= zero else -a, b if v >= zero else -b
