@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
 from cascadenorm.compute.kernels import inlined_sum
-from cascadenorm.geometry.neighborhoods import (
-    GroupSearch,
-    faces_near,
-    group_search,
-    search_faces,
-    search_group,
-)
+from cascadenorm.geometry.neighborhoods import GroupSearch, faces_near, group_search, search_faces, search_group
 from cascadenorm.mesh import (
     SMALLEST_COSTLY_CHUNK,
     Bools,
@@ -36,6 +30,7 @@ MOST_NEIGHBORS = 2048
 """Maximum number of faces of a filter, which limits the cost where tiny faces lie among much larger ones. Even meshes
 have 180 for σ_s = 2."""
 LARGEST_GROUP = 16  # number of faces whose neighbours are searched together; even meshes have 12 that touch a face
+USUAL_GROUP = 8  # most groups are smaller, since faces belong to earlier ones
 FACES_AT_A_TIME = 1 << 15  # number of faces whose neighbours are stored at a time
 
 
@@ -52,8 +47,8 @@ def filtered_normals(
     The guides are (s, m, 3) unit normals, one field for each σ_s; the range weight depends on the chords between them.
     σ_s are spreads of the distance in mean edge lengths, σ_r those of the chords; infinity disables the range weight. A
     filter sums over the faces with centroids within `cutoff` σ_s that are connected to the face by such faces, at most
-    MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian. Returns (m, s · r, 3) float32
-    unit normals, σ_r ascending within σ_s ascending. Where a sum vanishes, the face normal is kept.
+    MOST_NEIGHBORS. A disk of 2.5 σ_s covers 96 % of the Gaussian. Returns (m, s · r, 3) float32 unit normals, σ_r
+    ascending within σ_s ascending. Where a sum vanishes, the face normal is kept.
     """
     out = np.empty((len(mesh.faces), len(sigma_s) * len(sigma_r), 3), np.float32)
     radius = filter_radius(mesh, sigma_s, cutoff)
@@ -63,7 +58,7 @@ def filtered_normals(
         (mesh.area_vectors / mesh.median_area).astype(np.float32), mesh.face_normals,
         np.ascontiguousarray(guides, np.float32), 0.5 / (np.array(sigma_s) * mesh.mean_edge_length) ** 2,
         (0.5 / np.array(sigma_r) ** 2).astype(np.float32), 0.5 * cutoff**2, radius,
-        out, smallest=SMALLEST_COSTLY_CHUNK // 8,
+        out, smallest=SMALLEST_COSTLY_CHUNK // USUAL_GROUP,
     )  # fmt: skip
     return out
 

@@ -12,6 +12,7 @@ from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.errors import ConfigError, ParameterError
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.patches.work import free_derived
+from cascadenorm.learned.descriptors import DESCRIPTORS
 from cascadenorm.learned.regression import Regression
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.stage_normals import stage_normals
@@ -106,13 +107,15 @@ class Cascade:
         """
         stages = []
         for s, stage in enumerate(header["stages"]):
-            settings = dict(stage)
-            if settings.pop("neighborhood", "distance") == "rings" and stage["descriptor"].startswith(("B", "n+B")):
-                raise ParameterError(f"{source} needs what this version lacks: filters over rings of faces")
-            settings["weighting"] = OLD_WEIGHTINGS.get(stage["weighting"], stage["weighting"])
+            given = dict(stage)
+            neighborhood = given.pop("neighborhood", "distance")
+            given["weighting"] = OLD_WEIGHTINGS.get(given["weighting"], given["weighting"])
             mine = {name.split(".", 1)[1]: a for name, a in tensors.items() if name.startswith(f"stage{s}.")}
             try:
-                stages.append(Regression.from_arrays(Stage(**settings), mine))
+                settings = Stage(**given)
+                if neighborhood == "rings" and DESCRIPTORS[settings.descriptor].filters:
+                    raise ConfigError("filters over rings of faces")
+                stages.append(Regression.from_arrays(settings, mine))
             except ConfigError as error:
                 raise ParameterError(f"{source} needs what this version lacks: {error}") from None
             except KeyError as error:
