@@ -93,8 +93,6 @@ class TrainConfig:
         Number of faces drawn from each mesh, without repetition.
     clusters
         Number of networks in each stage.
-    pairs
-        Number of pairs of filtered normals whose angles the networks read; 0 selects all pairs.
     context
         Number of principal components of the features that are averaged around a face; 0 disables context features.
     stages
@@ -108,14 +106,13 @@ class TrainConfig:
     seed: int = 0
     faces_per_mesh: int = 500
     clusters: int = 1
-    pairs: int = 0
     context: int = 24
     stages: tuple[Stage, ...] = VERTEX_STAGES
     fit: Fit = field(default_factory=Fit)
     data: DatasetConfig = field(default_factory=lambda: VERTEX_DATA)
 
     def __post_init__(self) -> None:
-        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("pairs", 0), ("context", 0), ("seed", 0)):
+        for name, least in (("faces_per_mesh", 1), ("clusters", 1), ("context", 0), ("seed", 0)):
             if getattr(self, name) < least:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         if not self.stages:

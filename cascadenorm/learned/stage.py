@@ -18,6 +18,8 @@ class Stage:
     ----------
     descriptor
         Filtered normals that the stage reads, a name in DESCRIPTORS.
+    pairs
+        Number of pairs of filtered normals whose angles the networks read; 0 selects all pairs.
     activation
         Activation of the hidden layers of its networks, "silu" or "tanh".
     weighting, foldovers, sweeps
@@ -25,6 +27,7 @@ class Stage:
     """
 
     descriptor: str
+    pairs: int = 0
     activation: Activation = "silu"
     weighting: Weighting = "uniform"
     foldovers: Foldovers = "avoid"
@@ -39,5 +42,6 @@ class Stage:
         ):
             if getattr(self, name) not in known:
                 raise ConfigError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
-        if self.sweeps < 0:
-            raise ConfigError(f"sweeps is {self.sweeps}; it must be at least 0")
+        for name in ("pairs", "sweeps"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least 0")

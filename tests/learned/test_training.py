@@ -12,7 +12,7 @@ from shapes import cube, icosphere, mean_angle, noisy
 from cascadenorm.data_gen import DatasetConfig, pairs
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import ConfigError, Fit, TrainConfig, read_config
-from cascadenorm.learned.descriptors import bilateral_descriptor
+from cascadenorm.learned.descriptors import DESCRIPTORS, bilateral_descriptor
 from cascadenorm.learned.features import FeatureScaler, all_pairs
 from cascadenorm.learned.packed_normals import unpacked
 from cascadenorm.learned.regression import stage_stack
@@ -111,6 +111,14 @@ def test_pairs_that_show_how_far_normals_are_from_the_true_one_are_chosen():
     stack = unit(np.random.default_rng(0).normal(size=(500, 6, 3))).astype(np.float32)
     found = informative_pairs(stack, stack[:, 2], 5)
     np.testing.assert_array_equal(found, [[0, 2], [1, 2], [2, 3], [2, 4], [2, 5]])
+
+
+def test_a_stage_reads_only_as_many_pairs_as_it_declares(tmp_path):
+    stages = (Stage(descriptor="iterated-16", pairs=3), Stage(descriptor="iterated-16"))
+    cascade = train_cascade(replace(TINY, clusters=1, stages=stages), tmp_path)
+    first, second = cascade.stages
+    assert len(first.scaler.pairs) == 3
+    np.testing.assert_array_equal(second.scaler.pairs, all_pairs(DESCRIPTORS["iterated-16"].size))
 
 
 def test_chord_is_twice_the_sine_of_half_the_angle():
@@ -340,6 +348,7 @@ def test_settings_are_read_from_toml(tmp_path):
         ("[[stages]]\nsweeps = 3", "stages has no descriptor"),
         (STAGE + "sweep = 3", "there is no setting stages.sweep; stages settings are descriptor"),
         (STAGE + "sweeps = -1", "sweeps is -1; it must be at least 0"),
+        (STAGE + "pairs = -1", "pairs is -1; it must be at least 0"),
         (STAGE + 'sweeps = "many"', "stages.sweeps is 'many'; it must be of type int"),
         ('[[stages]]\ndescriptor = "C"', "descriptor is 'C'; it must be one of B, B"),
         (STAGE + 'weighting = "areas"', "weighting is 'areas'; it must be one of uniform, inverse-height"),

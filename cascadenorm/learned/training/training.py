@@ -198,8 +198,8 @@ def _described(
         progress(task, done, steps)
     stack = np.concatenate(stacks)
     pairs = all_pairs(stack.shape[1])
-    if 0 < config.pairs < len(pairs):
-        pairs = informative_pairs(stack, np.concatenate([sample.truth for sample in few]), config.pairs)
+    if 0 < settings.pairs < len(pairs):
+        pairs = informative_pairs(stack, np.concatenate([sample.truth for sample in few]), settings.pairs)
     own = pairwise_features(stack, pairs)
     mean, scale = _mean_and_scale(own)
     own -= mean
