@@ -9,6 +9,7 @@ from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, latti
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, first_of_each, pair_products, part_of
 
 FEWEST_VERTICES = 200  # components with fewer vertices are not examined
+MOST_VERTICES = 50_000  # number of vertices from which only some are examined, evenly spaced in order
 FEWEST_LAYERS = 4  # least number of voxel layers with steps along each axis; a box has two
 COVERED_VERTICES = 0.95  # least fraction of the vertices on lattice edges along each axis that lie in these layers
 ON_EDGES = 0.85  # least fraction of the vertices on lattice edges away from nodes; few grey values are near the level
@@ -49,6 +50,7 @@ def enlargement(mesh: Mesh) -> int:
     if lattice is None:
         return 0
     points = mesh.vertices[mesh.topology.used_vertices]
+    points = points[:: max(1, len(points) // MOST_VERTICES)]
     cells = _cells(points, lattice)
     if sum(map(len, cells)) < ON_EDGES * len(points):
         return 0

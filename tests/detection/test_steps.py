@@ -5,6 +5,7 @@ from shapes import grid, icosphere
 from skimage.measure import marching_cubes
 
 import cascadenorm as cn
+from cascadenorm.detection import steps
 from cascadenorm.detection.steps import enlarged_steps, enlargement, treads
 from cascadenorm.mesh import Mesh, angles_between
 
@@ -25,6 +26,13 @@ def ball(voxels: int, factors: int | tuple[int, int, int], *, binary: bool, seed
 @pytest.mark.parametrize("factor", [1, 2, 3, 5])
 def test_the_factor_of_an_enlarged_volume_is_found(factor, binary):
     assert enlargement(ball(60 // factor, factor, binary=binary)) == (factor if factor > 1 else 0)
+
+
+@pytest.mark.parametrize("binary", [True, False], ids=["mask", "grey"])
+def test_some_of_many_vertices_tell_the_factor(binary, monkeypatch):
+    mesh = ball(15, 4, binary=binary)
+    monkeypatch.setattr(steps, "MOST_VERTICES", len(mesh.vertices) // 7)
+    assert enlargement(mesh) == 4
 
 
 def test_a_mask_may_lie_at_any_angle_and_scale():
