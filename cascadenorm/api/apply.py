@@ -21,8 +21,8 @@ from cascadenorm.controls.detail import (
     without_detail,
 )
 from cascadenorm.controls.displacement import displace, framed_length
-from cascadenorm.controls.sliding import Sliding, sliding
-from cascadenorm.controls.weights import may_fix_vertices, vertex_weights
+from cascadenorm.controls.sliding import sliding
+from cascadenorm.controls.weights import vertex_weights
 from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
@@ -102,7 +102,9 @@ def run_with_controls(
     Raises ParameterError for a value that is out of range or does not fit the mesh, and DenoiseError if the method
     returned vertices that are not finite.
     """
-    checked = _checked_parameters(method, parameters)
+    if REGION in parameters:
+        raise ParameterError("is derived from the controls: pass mask, fixed or only", parameter=REGION)
+    checked = method.checked(parameters)
     controls = {**controls, "strength": min(controls["strength"], MAX_STRENGTH)}
     faces, mesh = mesh.faces, without_lines(mesh)
     halo = None
@@ -117,7 +119,8 @@ def run_with_controls(
     weights = vertex_weights(mesh, controls, faces)[order.numbers]
     if controls["boundary"] == "fixed":
         weights[boundary_edges(framed).vertices] = 0.0
-    if REGION in method.settings and may_fix_vertices(controls):
+    chosen = controls["mask"], controls["fixed"], controls["only"]
+    if REGION in method.settings and (controls["boundary"] == "fixed" or any(one is not None for one in chosen)):
         checked[REGION] = weights > 0
     if halo is not None:
         weights = np.where(halo.vertices, 0.0, weights)
@@ -133,7 +136,7 @@ def run_with_controls(
         step = _step(StepSettings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
-            step = partial(_slid, step, slides)
+            step = partial(slides.slid, step)
         displacement = _accumulated(step, framed, strength * weights, steps)
         if controls["volume"] == "keep":
             displacement = _volume_preserving(framed, parts, displacement, weights)
@@ -180,12 +183,6 @@ the result."""
 def _described(value: Any) -> Any:
     array = np.asarray(value)
     return value if array.ndim == 0 or array.dtype.kind == "U" else f"array of shape {array.shape}"
-
-
-def _checked_parameters(method: Method, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    if REGION in parameters:
-        raise ParameterError("is derived from the controls: pass mask, fixed or only", parameter=REGION)
-    return method.checked(parameters)
 
 
 class StepSettings(NamedTuple):
@@ -241,11 +238,6 @@ def _step(settings: StepSettings, mesh: Mesh, order: Renumbered, parts: Shells |
 
     each = _surface_step(settings.on_copies(parts.owners), parts.mesh, numbers, edges, note_joined)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
-
-
-def _slid(step: Step, slides: Sliding, mesh: Mesh) -> Vectors:
-    """Apply a step, and keep the vertices on flat sides in their planes."""
-    return slides.slid(mesh, step(mesh))
 
 
 def _surface_step(

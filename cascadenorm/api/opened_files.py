@@ -22,7 +22,7 @@ from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.files import beside, check_extension, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
-from cascadenorm.mesh import Mesh, in_frame, row_lengths, without_lines
+from cascadenorm.mesh import Mesh, row_lengths, without_lines
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
 from cascadenorm.registry.controls import Controls, parsed_length
@@ -167,10 +167,7 @@ def opened_file(
 
 def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
     """Return the file with new vertices of its mesh, (n, 3), within the displacement limit of the controls."""
-    small, exponent = in_frame(without_lines(mesh))  # squares of lengths overflow for huge coordinates
-    with np.errstate(over="ignore"):
-        framed = framed_length("max_displacement", controls["max_displacement"], small, exponent)
-        limit = float(np.ldexp(framed, exponent))
+    limit = framed_length("max_displacement", controls["max_displacement"], without_lines(mesh), 0)
     return file.with_vertices(vertices, limit=limit)
 
 

@@ -13,6 +13,7 @@ from cascadenorm.execution.cluster import use_cluster
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name
+from cascadenorm.io.atomic import explained_writing, make_folder
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import Paths, find_pairs, paths_of
 from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
@@ -82,15 +83,9 @@ def write_pairs(
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder} is a file: give the name of a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not force:
+    make_folder(folder)
+    if any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = DatasetConfig(count=count, seed=seed)
-    try:
-        with use_cluster(scheduler, workers=workers, folder=None):
-            write_dataset(folder, config, write=partial(save_mesh, force=True), workers=workers, progress=progress)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
+    with explained_writing(folder), use_cluster(scheduler, workers=workers, folder=None):
+        write_dataset(folder, config, write=partial(save_mesh, force=True), workers=workers, progress=progress)

@@ -151,18 +151,13 @@ def print_inspection(found: "Inspection") -> None:
         print(f"  kind of error: {found.error}")
     if found.treated_as is not None:
         print(f"  treated as: {found.treated_as}")
-    if found.treads is not None:
-        width = math.ceil(found.treads.width)
-        print(
-            f"  {found.treads.count} flat, parallel steps, about {width} edges wide; if they are an error, "
-            f'as of rounded depths, remove them with --remove-detail "{width} edges"'
-        )
-    elif found.bumps is not None:
-        width = math.ceil(found.bumps.width)
-        print(
-            f"  bumps about {width} edges wide cover the surface; if they are an error, as of particles, "
-            f'remove them with --remove-detail "{width} edges"'
-        )
+    wide = found.treads or found.bumps
+    if wide is not None:
+        width = math.ceil(wide.width)
+        what, cause = f"bumps about {width} edges wide cover the surface", "particles"
+        if found.treads is not None:
+            what, cause = f"{found.treads.count} flat, parallel steps, about {width} edges wide", "rounded depths"
+        print(f'  {what}; if they are an error, as of {cause}, remove them with --remove-detail "{width} edges"')
     if found.resolution is not None and found.resolution > COARSE_RESOLUTION:
         print(
             f"  {found.number_type} is too coarse at these coordinates: its resolution is {found.resolution:.2g} mean "

@@ -4,6 +4,7 @@ Vertices slide within a side, or along the edge where two sides meet. A side, su
 plane with all vertices on one side of it.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.foldovers import foldovers, without_flips
-from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, unit
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, unit
 
 PLANE_TOLERANCE = 1e-6  # largest distance of a vertex from its plane, in diagonals of the bounding box
 MIN_COVERED_FRACTION = 0.5  # smallest share of the outline along its normal that the vertices on a plane span
@@ -31,9 +32,9 @@ class Sliding(NamedTuple):
         kept[self.vertices] = np.einsum("kij,kj->ki", self.projections, displacement[self.vertices])
         return kept
 
-    def slid(self, mesh: Mesh, vertices: Vectors) -> Vectors:
-        """Return the vertices after sliding, without displacements that would flip a face."""
-        slid = mesh.vertices + self.constrained(vertices - mesh.vertices)
+    def slid(self, step: Callable[[Mesh], Vectors], mesh: Mesh) -> Vectors:
+        """Return the vertices after a step and sliding, without displacements that would flip a face."""
+        slid = mesh.vertices + self.constrained(step(mesh) - mesh.vertices)
         slides = np.zeros(len(slid), bool)
         slides[self.vertices] = True
         may_flip = foldovers(mesh) | ~slides[mesh.faces].any(axis=1)
@@ -44,7 +45,7 @@ def sliding(mesh: Mesh) -> Sliding:
     """Find the vertices on the flat sides of a mesh, within 1e-6 of its diagonal from a plane of `outer_planes`."""
     normals, offsets = outer_planes(mesh)
     used = np.unique(mesh.faces).astype(np.int64)
-    on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= PLANE_TOLERANCE * _diagonal(mesh.vertices[used])
+    on = np.abs(mesh.vertices[used] @ normals.T - offsets) <= PLANE_TOLERANCE * mesh.diagonal
     on, vertices = on[on.any(axis=1)], used[on.any(axis=1)]
 
     # The free directions are the null space of Σ n nᵀ
@@ -72,11 +73,8 @@ def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
     count = len(normals)
     first, second = np.repeat(np.arange(count), 3), hull.neighbors.ravel()
     away = np.abs(np.einsum("eci,ei->ec", corners[first], normals[second]) - offsets[second, None]).max(axis=1)
-    joined = (away <= PLANE_TOLERANCE * _diagonal(points)) & (
-        np.einsum("ei,ei->e", normals[first], normals[second]) > 0
-    )
-    links = scipy.sparse.coo_array((np.ones(joined.sum()), (first[joined], second[joined])), (count, count))
-    facet = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
+    joined = (away <= PLANE_TOLERANCE * mesh.diagonal) & (np.einsum("ei,ei->e", normals[first], normals[second]) > 0)
+    facet = connected_components(np.stack([first[joined], second[joined]], axis=1), count)
     size = np.bincount(facet, areas)
     normal = unit(np.stack([np.bincount(facet, areas * axis) for axis in normals.T], axis=1))
     offset = np.bincount(facet, areas * offsets) / np.maximum(size, np.finfo(float).tiny)
@@ -86,7 +84,3 @@ def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
     outline = np.abs(normal[large] @ normals.T) @ areas / 2
     sides = size[large] >= MIN_COVERED_FRACTION * outline
     return normal[large][sides], offset[large][sides]
-
-
-def _diagonal(points: Vectors) -> float:
-    return float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -10,13 +10,6 @@ from cascadenorm.mesh import Mesh, first_places
 from cascadenorm.registry.controls import Controls
 
 
-def may_fix_vertices(controls: Controls) -> bool:
-    """Test whether the controls may fix some of the vertices that a face references."""
-    return controls["boundary"] == "fixed" or any(
-        given is not None for given in (controls["mask"], controls["fixed"], controls["only"])
-    )
-
-
 def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return (n,) factors of the strength: the mask, with 0 for fixed, unselected and unreferenced vertices.
 

@@ -17,8 +17,7 @@ from cascadenorm.evaluation.harness import Evaluation, FailedRun, RunResult
 from cascadenorm.evaluation.runs import NOISY
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import SYMBOLS, errors
-from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import check_output, write_atomically
+from cascadenorm.io.atomic import check_output, make_folder, write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import FilePair
 from cascadenorm.mesh import Mesh, scaled_alike
@@ -66,10 +65,7 @@ def report_evaluation(
     folder = check_evaluation(output, force=force)
     if done.records is None:
         raise ParameterError("the meshes of the evaluation were not kept", hint="give evaluate a folder to keep them")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be created: {error.strerror or error}") from error
+    make_folder(folder)
     sections = [("Failures", _failures(done.failures))] if done.failures else []
     means = [
         (f"{one.method} *" if one.method in done.partial else one.method, one.measures.normal_error_deg)
