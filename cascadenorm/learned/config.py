@@ -58,9 +58,9 @@ class Fit:
 
 
 VERTEX_STAGES = (
-    Stage(descriptor="iterated-64+smoothed", sweeps=10),
-    Stage(descriptor="iterated-16+smoothed", sweeps=10),
-    Stage(descriptor="iterated-16+smoothed", weighting="inverse-height"),
+    Stage(descriptor="iterated-32+smoothed", sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", pairs=64, sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", pairs=64, weighting="inverse-height"),
 )
 VERTEX_DATA = DatasetConfig(
     count=4000,

@@ -46,7 +46,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     Formula
     -------
     n_f ← unit Σ_i c_i(d_f) n_i,f;   n_i: iterated bilateral filters and normals of smoothed vertices
-    d_f: log(1 - <n_i, n_j> + 1e-4) for all pairs, and context;   c: a network for each stage
+    d_f: log(1 - <n_i, n_j> + 1e-4) for pairs of them, and context;   c: a network for each stage
     then the vertices are updated, and the next stage starts from them
 
     Limits

@@ -326,7 +326,7 @@ def test_own_meshes_change_the_model_and_stand_in_its_card(trained, tmp_path):
     save(icosphere(3), tmp_path / "ball.ply")
     arguments = ["train", "--config", str(settings), "--threads", "1"]
     assert run([*arguments, "-o", str(other), "--shapes", str(tmp_path / "ball.ply")]) == 0
-    assert "and 2 meshes that were handed in" in cn.Denoiser.load(other).card["data"]
+    assert "and 2 given pairs" in cn.Denoiser.load(other).card["data"]
     assert cn.Denoiser.load(other).model.to_bytes() != cn.Denoiser.load(plain).model.to_bytes()
     assert run([*arguments, "-o", str(tmp_path / "no.safetensors"), "--shapes", str(tmp_path / "no.ply")]) == 3
 

@@ -170,7 +170,7 @@ def _train_stage(
 
 def _card(config: TrainConfig, own: Sequence[Pair], faces: int, losses: list[list[float]]) -> dict[str, Any]:
     """Return the model card: origin, training data and losses. It depends only on the config and the pairs."""
-    others = f"and {len(own)} meshes that were handed in" if own else "no mesh of anybody else"
+    others = f"and {len(own)} given pairs" if own else "no third-party meshes"
     return {
         "model": "cascaded normal regression (Wang, Liu, Tong 2016)",
         "made_with": checkpoints.versions(),
