@@ -112,10 +112,9 @@ class ShapeFamily:
         elif self.part == "subdivided":
             fine = polygonised(field, extent, faces=faces, sharp=self.sharp, rng=rng)
             mesh = subdivided_cage(fine, faces=faces, rng=rng)
-        elif self.part == "piece":
-            extent, window = cut_out(extent, share=rng.uniform(0.08, 0.4), rng=rng)
-            mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, window=window, rng=rng)
         else:
+            if self.part == "piece":
+                extent = cut_out(extent, share=rng.uniform(0.08, 0.4), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
         return Measured.on_surface(mesh, mesh)
 

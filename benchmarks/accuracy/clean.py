@@ -22,7 +22,6 @@ import numpy as np
 
 from benchmarks import results, running
 from cascadenorm.api.inspection.crossings import crossing_faces
-from cascadenorm.api.inspection.defects import repeats
 from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
 from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 from cascadenorm.data_gen.noise.noise import displacements
@@ -31,6 +30,7 @@ from cascadenorm.io import is_mesh_name
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import find_pairs
 from cascadenorm.mesh import Mesh, angles_between, in_frame
+from cascadenorm.mesh.welding import repeats
 
 NOISY = "noisy"
 METHODS = ("auto",)

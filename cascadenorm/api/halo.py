@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.regions.shells import shells
+from cascadenorm.compute.csr import grouped
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
@@ -223,7 +224,8 @@ def in_frame_of_whole(mesh: Mesh, whole: Whole) -> Mesh:
     faces = mesh.faces.copy()
     faces[whole.flipped] = faces[whole.flipped, ::-1]
     framed = whole.frame.of(Mesh(mesh.vertices, faces))
-    return framed.as_part(whole.group, mean_edge_length=whole.mean_edge_length)
+    framed.topology.__dict__["vertex_colors"] = grouped(whole.group)
+    return framed.with_facts(mean_edge_length=whole.mean_edge_length)
 
 
 def _receptive_field(method: Method, parameters: Mapping[str, Any], groups: int) -> int:

@@ -13,7 +13,7 @@ from cascadenorm.api.api import denoise
 from cascadenorm.api.training_pairs import training_pairs
 from cascadenorm.errors import MissingDependencyError, ParameterError
 from cascadenorm.execution.progress import Progress, no_progress
-from cascadenorm.io.atomic import check_output, make_folder, write_atomically
+from cascadenorm.io.atomic import check_output, make_folder, write_atomically, write_together
 from cascadenorm.io.pairs import Paths
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig
@@ -130,10 +130,7 @@ def export_onnx(model: Denoiser, folder: str | PathLike[str], *, force: bool = F
         for number, stage in enumerate(cascade.stages, 1)
     }
     make_folder(folder)
-    for path in stages:
-        check_output(path, force=force)
-    for path, stage in stages.items():
-        write_atomically(path, [stage_model(stage)], force=force)
+    write_together([(path, map(stage_model, [stage])) for path, stage in stages.items()], force=force)
     return list(stages)
 
 

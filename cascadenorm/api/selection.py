@@ -94,7 +94,17 @@ def _as_text(given: Any) -> Any:
 def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
     if not isinstance(mask, str):
         return _reduce_copies(np.asarray(mask), file.welds, np.minimum)
-    values = _vertex_values("mask", mask, file)
+    attributes = _attributes(file)
+    if mask in attributes:
+        values = attributes[mask]
+    elif mask.endswith(ARRAY_FILES):
+        values = _read_table("mask", mask, 1)[:, 0]
+    else:
+        raise ParameterError(
+            f"is {mask!r}; it must be a file {' or '.join(ARRAY_FILES)}, or a vertex attribute of the mesh; it has: "
+            f"{_listed(attributes)}",
+            parameter="mask",
+        )
     return _reduce_copies(values / 255 if values.dtype == np.uint8 else values, file.welds, np.minimum)
 
 
@@ -148,20 +158,6 @@ def _creases(creases: str, file: MeshFile) -> float | NDArray[Any]:
                 parameter="creases",
             ) from None
     return file.welds[_vertex_indices("creases", _read_table("creases", creases, 2), len(file.positions))]
-
-
-def _vertex_values(name: str, text: str, file: MeshFile) -> NDArray[Any]:
-    """Return one value per vertex of the file, from an attribute or another file."""
-    attributes = _attributes(file)
-    if text in attributes:
-        return attributes[text]
-    if not text.endswith(ARRAY_FILES):
-        raise ParameterError(
-            f"is {text!r}; it must be a file {' or '.join(ARRAY_FILES)}, or a vertex attribute of the mesh; it has: "
-            f"{_listed(attributes)}",
-            parameter=name,
-        )
-    return _read_table(name, text, 1)[:, 0]
 
 
 def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:

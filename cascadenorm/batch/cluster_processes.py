@@ -10,7 +10,7 @@ import os
 import secrets
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -115,13 +115,11 @@ class ClusterProcesses:
         """Wait for outcomes, at most until the next check of the workers. Raises WorkerError if all are unreachable."""
         found: list[tuple[Job, Outcome | WorkerError]] = []
         wait = POLL_INTERVAL_S if seconds is None else min(seconds, POLL_INTERVAL_S)
-        try:
+        with suppress(Empty):
             while True:
                 job, future = self._ready.get(timeout=0.0 if found else wait)
                 if job in self._busy and self._busy[job][1] is future:  # else an earlier attempt that was abandoned
                     found.append((job, self._outcome(*self._busy.pop(job))))
-        except Empty:
-            pass
         if time.monotonic() >= self._looked + POLL_INTERVAL_S:
             found += self._look()
             self._looked = time.monotonic()
@@ -222,7 +220,5 @@ class ClusterProcesses:
             raise no_workers(self._scheduler, WORKER_TIMEOUT_S)
 
     def _restart(self, address: str) -> None:
-        try:
+        with suppress(Exception):  # there is no nanny, or the worker has already left
             self._client.restart_workers([address], timeout=REPLY_TIMEOUT_S, raise_for_error=False)
-        except Exception:  # there is no nanny, or the worker has already left
-            return

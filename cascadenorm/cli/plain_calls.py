@@ -5,7 +5,8 @@ not plain, such as those that ask for help, abbreviate an option or have a mista
 """
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -15,14 +16,6 @@ from cascadenorm.cli.commands import app
 
 CONVERTED = (str, Path, int, float)
 """Types of values that are called with the text."""
-
-
-class PlainCall(NamedTuple):
-    """A command and its arguments by name."""
-
-    name: str
-    command: Callable[..., object]
-    values: dict[str, Any]
 
 
 class _Declared(NamedTuple):
@@ -49,13 +42,13 @@ class _Declared(NamedTuple):
         return [name for name in names if "/" not in name]
 
 
-def plain_call(arguments: Sequence[str]) -> PlainCall | None:
+def plain_call(arguments: Sequence[str]) -> "partial[object] | None":
     """Return the call that typer would make for command line arguments, or None if they are not plain."""
     for registered in app.registered_commands:
         command = registered.callback
         if command is not None and arguments and arguments[0] == (registered.name or command.__name__):
             values = _values([_declared(one) for one in inspect.signature(command).parameters.values()], arguments[1:])
-            return None if values is None else PlainCall(arguments[0], command, values)
+            return None if values is None else partial(command, **values)
     return None
 
 

@@ -4,7 +4,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from io import TextIOWrapper
 from types import FrameType
 from typing import NoReturn, cast
@@ -13,7 +13,7 @@ import typer
 
 from cascadenorm.cli.commands import app
 from cascadenorm.cli.errors import DONE, FAILED, INTERRUPTED, OUTPUT, USAGE, exit_code, notify, worded
-from cascadenorm.cli.plain_calls import PlainCall, plain_call
+from cascadenorm.cli.plain_calls import plain_call
 from cascadenorm.compute.compile_time import tell_of_compiling
 from cascadenorm.execution.signals import repeat_if_swallowed
 
@@ -96,10 +96,10 @@ def _with_value(message: str, error: Exception, arguments: Sequence[str]) -> str
     return message
 
 
-def _called(call: PlainCall) -> int:
+def _called(call: Callable[[], object]) -> int:
     """Run a command and return its exit code."""
     try:
-        call.command(**call.values)
+        call()
     except typer.Exit as end:
         return end.exit_code
     return DONE

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from textwrap import indent
@@ -13,7 +13,7 @@ from cascadenorm.cli.options import CONTROL_OPTIONS
 from cascadenorm.errors import counted
 
 if TYPE_CHECKING:  # imported for type checking only, because each command would load what others need
-    from rich.table import Table
+    from rich.text import Text
 
     from cascadenorm.api.filled_files import Filling
     from cascadenorm.api.inspection import Inspection
@@ -185,25 +185,17 @@ def _number(value: float | None) -> str:
 
 def print_measures(measures: "Measures") -> None:
     """Print the measures of one mesh."""
-    table = _new_table("measure")
-    table.add_column("value", justify="right")
-    for name, value in measures.formatted().items():
-        table.add_row(name, value)
-    print_table(table)
+    _print_table(("measure", "value"), "lr", measures.formatted().items())
 
 
 def print_spectrum(found: "Spectrum") -> None:
     """Print the eigenvalues of one mesh, or of two side by side with the distance of their spectra."""
-    table = _new_table()
-    table.add_column("", justify="right")
-    table.add_column("eigenvalue" if found.scale == "keep" else "eigenvalue × area", justify="right")
-    columns = [found.values]
+    columns = {"eigenvalue" if found.scale == "keep" else "eigenvalue × area": found.values}
     if found.other is not None:
-        table.add_column("of the other", justify="right")
-        columns.append(found.other)
-    for number, values in enumerate(zip(*columns, strict=True), start=1):
-        table.add_row(str(number), *(f"{value:.6g}" for value in values))
-    print_table(table)
+        columns["of the other"] = found.other
+    every = enumerate(zip(*columns.values(), strict=True), start=1)
+    rows = ((str(number), *(f"{value:.6g}" for value in values)) for number, values in every)
+    _print_table(("", *columns), "r" * (1 + len(columns)), rows)
     if found.distance is not None:
         print(f"distance: {found.distance:.6g}")
 
@@ -222,39 +214,35 @@ def print_evaluation(done: "Evaluation") -> None:
 
     from cascadenorm.evaluation.tables import PARTIAL_NOTE, TERMINAL_COLUMNS, means_table, method_table, spread_table
 
-    table = _new_table("pair")
     pairs = list(dict.fromkeys(result.pair for result in done.results))
     blocks = [method_table([one for one in done.results if one.pair == pair], pair, TERMINAL_COLUMNS) for pair in pairs]
     blocks.append(means_table(done, "mean", TERMINAL_COLUMNS)._replace(title="mean"))
-    for number, title in enumerate(blocks[0].head):
-        table.add_column(title.replace(" (", "\n").rstrip(")"), justify="right" if number else "left")
+    head = ["pair", *(title.replace(" (", "\n").rstrip(")") for title in blocks[0].head)]
+    rows = list[Sequence["str | Text"] | None]()
     for block in blocks:
         for number, row in enumerate(block.rows):
             cells = [Text(cell.text, style="bold" if cell.best else "") for cell in row]
-            table.add_row("" if number else block.title, *cells)
-        table.add_section()
-    table.caption = PARTIAL_NOTE.strip(" ()") if done.partial else None
-    print_table(table)
+            rows.append(["" if number else block.title, *cells])
+        rows.append(None)
+    caption = PARTIAL_NOTE.strip(" ()") if done.partial else None
+    _print_table(head, "ll" + "r" * (len(head) - 2), rows, caption=caption)
     if len(set(done.seeds.values())) > 1:
         over = spread_table(done)
-        table = _new_table(*over.head, title=over.title)
-        for row in over.rows:
-            table.add_row(*(cell.text for cell in row))
-        print_table(table)
+        texts = ([cell.text for cell in row] for row in over.rows)
+        _print_table(over.head, "l" * len(over.head), texts, title=over.title)
 
 
 def print_curves(passes: "Sequence[Pass]") -> None:
     """Print one line per network: its epochs, the best validation result, and the course of the error."""
-    table = _new_table()
-    for title in ("stage", "cluster", "passes", "best", "loss", "validation", "error", "error, pass by pass"):
-        table.add_column(title, justify="left" if title.startswith("error, ") else "right")
+    rows = []
     for (stage, cluster), group in groupby(passes, key=lambda done: (done.stage, done.cluster)):
         of_network = list(group)
         best = min(of_network, key=lambda done: done.validation)
         numbers = [stage, cluster, of_network[-1].epoch, best.epoch]
         figures = [f"{best.loss:.4f}", f"{best.validation:.4f}", f"{best.validation_deg:.2f}°"]
-        table.add_row(*map(str, numbers), *figures, sparkline([done.validation_deg for done in of_network]))
-    print_table(table)
+        rows.append([*map(str, numbers), *figures, sparkline([done.validation_deg for done in of_network])])
+    head = ("stage", "cluster", "passes", "best", "loss", "validation", "error", "error, pass by pass")
+    _print_table(head, "rrrrrrrl", rows)
 
 
 def sparkline(values: Sequence[float]) -> str:
@@ -267,11 +255,11 @@ def sparkline(values: Sequence[float]) -> str:
 
 def print_methods(methods: "Mapping[str, Method]") -> None:
     """Print each method with its parameters and source."""
-    table = _new_table("method", "what it does", "parameters", "source")
-    for method in methods.values():
-        names = ", ".join(setting.name for setting in method.given_by_name)
-        table.add_row(method.name, method.summary, names, method.source)
-    print_table(table)
+    rows = (
+        (method.name, method.summary, ", ".join(setting.name for setting in method.given_by_name), method.source)
+        for method in methods.values()
+    )
+    _print_table(("method", "what it does", "parameters", "source"), "llll", rows)
 
 
 def print_method(method: "Method") -> None:
@@ -280,11 +268,11 @@ def print_method(method: "Method") -> None:
     for title in ("Formula", "Limits"):
         if text := method.section(title):
             print(f"{title}:\n{indent(text, '  ')}")
-    table = _new_table("parameter", "default", "unit", "allowed", "meaning")
-    for setting in method.given_by_name:
-        about = setting.about
-        table.add_row(setting.name, str(setting.default), about.unit, allowed_values(setting), about.help)
-    print_table(table)
+    rows = (
+        (one.name, str(one.default), one.about.unit, allowed_values(one), one.about.help)
+        for one in method.given_by_name
+    )
+    _print_table(("parameter", "default", "unit", "allowed", "meaning"), "lllll", rows)
 
 
 def allowed_values(setting: "Setting") -> str:
@@ -292,16 +280,27 @@ def allowed_values(setting: "Setting") -> str:
     return ", ".join(map(str, setting.choices)) or setting.about.allowed
 
 
-def _new_table(*head: str, title: str | None = None) -> "Table":
-    """Return an empty table; rich is slow to import, and most commands print no table."""
+def _print_table(
+    head: Sequence[str],
+    align: str,
+    rows: "Iterable[Sequence[str | Text] | None]",
+    *,
+    title: str | None = None,
+    caption: str | None = None,
+) -> None:
+    """Print a table with the width of the terminal, or with PLAIN_WIDTH characters.
+
+    Each column is aligned to the left, "l", or to the right, "r". A row of None draws a line.
+    """
+    from rich.console import Console  # slow to import, and most commands print no table
     from rich.table import Table
 
-    return Table(*head, title=title)
-
-
-def print_table(table: "Table") -> None:
-    """Print a table with the width of the terminal, or with PLAIN_WIDTH characters."""
-    from rich.console import Console
-
-    console = Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, emoji=False)
-    console.print(table)
+    table = Table(title=title, caption=caption)
+    for name, side in zip(head, align, strict=True):
+        table.add_column(name, justify="right" if side == "r" else "left")
+    for row in rows:
+        if row is None:
+            table.add_section()
+        else:
+            table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, emoji=False).print(table)

@@ -51,12 +51,11 @@ class HolePatches:
         matrix = scipy.sparse.diags_array(rows.sum(axis=1)) - rows[:, self._own :]
         return np.asarray(scipy.sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
 
-    def vertex_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (a, 3) unit normals of the additional vertices, oriented like those of the file, (k, 3)."""
-        return self.all_normals(stored)[len(stored) :]
-
     def all_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
-        """Return (k + a, 3) unit normals of first copies, zero for other copies, and of additional vertices."""
+        """Return (k + a, 3) unit normals of first copies, zero for other copies, and of additional vertices.
+
+        They are oriented like the normals of the file, (k, 3).
+        """
         normals = self._filled.vertex_normals
         signed = normals * _side(stored[self._first], normals[: self._own])
         of_file = np.zeros((len(stored), 3))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import display
 from cascadenorm.compute.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
-from cascadenorm.compute.csr import Csr, grouped
+from cascadenorm.compute.csr import Csr
 from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
@@ -77,24 +77,6 @@ class Mesh:
             if isinstance(self.__dict__.get(name), np.ndarray):
                 freed += getattr(self.__dict__.pop(name, None), "nbytes", 0)  # another thread may have freed it
         return_freed_memory(freed)
-
-    def as_part(self, groups: NDArray[np.int32], **facts: float) -> "Mesh":
-        """Return the mesh as a part of a larger one.
-
-        Parameters
-        ----------
-        groups
-            (n,) group of each vertex in the larger mesh, used by `Topology.vertex_colors`; -1 for none.
-        facts
-            As in `with_facts`.
-
-        Returns
-        -------
-        A mesh with the same vertices and faces.
-        """
-        mesh = Mesh(self.vertices, self.faces)
-        mesh.topology.__dict__["vertex_colors"] = grouped(groups)
-        return mesh.with_facts(**facts)
 
     def with_facts(self, **facts: float) -> "Mesh":
         """Return the mesh with some of its properties replaced by those of a larger mesh that it is a part of.

@@ -1,5 +1,6 @@
 """Mesh connectivity, independent of vertex positions."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -116,7 +117,7 @@ class Topology:
 
         Faces are connected across the edges that are true in `across`, (e,); None selects all edges.
         """
-        labels = np.empty(self.faces.size, np.int32)
+        labels = np.arange(self.faces.size, dtype=np.int32)
         joins = np.ones(len(self.edges), bool) if across is None else across
         _label_fans(self.faces, self.face_edges, self.edge_faces, joins, labels)
         return labels
@@ -138,13 +139,7 @@ class Topology:
     @cached_property
     def vertex_neighbors(self) -> Csr:
         """Vertices adjacent to each vertex, ascending."""
-        indptr = np.zeros(self.vertex_count + 2, np.int64)
-        proper = self.edges[self.edges[:, 0] != self.edges[:, 1]]
-        indptr[2:] = np.bincount(proper.ravel(), minlength=self.vertex_count)
-        np.cumsum(indptr, out=indptr)
-        indices = np.empty(indptr[-1], np.int32)
-        fill_neighbors(self.edges, indptr[1:], indices)
-        return Csr(indptr[:-1], indices)
+        return rows_with(self.edges[self.edges[:, 0] != self.edges[:, 1]], self.vertex_count, fill_neighbors)
 
     @cached_property
     def vertex_colors(self) -> Csr:
@@ -167,19 +162,22 @@ class Topology:
         return self.components[self.faces[:, 0]]
 
 
-def rows_with(numbers: NDArray[np.int32], count: int) -> Csr:
-    """Return the rows of an array, (k, w), that contain each of 0 … count - 1, ascending and with repetitions."""
+def rows_with(numbers: NDArray[np.int32], count: int, fill: Callable[..., None] = fill_groups) -> Csr:
+    """Return the rows of an array, (k, w), that contain each of 0 … count - 1, ascending and with repetitions.
+
+    With `fill_neighbors`, return the other ends of the rows, which are pairs.
+    """
     indptr = np.zeros(count + 2, np.int64)
     indptr[2:] = np.bincount(numbers.ravel(), minlength=count)
     np.cumsum(indptr, out=indptr)
     indices = np.empty(numbers.size, np.int32)
-    fill_groups(numbers, indptr[1:], indices)
+    fill(numbers, indptr[1:], indices)
     return Csr(indptr[:-1], indices)
 
 
 def connected_components(links: NDArray[Any], count: int) -> Ints32:
     """Return the (count,) component of each node of a graph with (k, 2) links, numbered by their first nodes."""
-    labels = np.empty(count, np.int32)
+    labels = np.arange(count, dtype=np.int32)
     _label(np.ascontiguousarray(links, np.int32), labels)
     return labels
 
@@ -196,8 +194,6 @@ def root_of(labels: Ints32, node: np.int32) -> np.int32:
 @kernel
 def _label(links: Ints32, labels: Ints32) -> None:
     """Find components by union-find: until they are numbered, each label is the node itself or a lower node."""
-    for i in range(len(labels)):
-        labels[i] = i
     for k in range(len(links)):
         _unite(labels, links[k, 0], links[k, 1])
     _number_roots(labels)
@@ -206,8 +202,6 @@ def _label(links: Ints32, labels: Ints32) -> None:
 @kernel
 def _label_fans(faces: Ints32, face_edges: Ints32, around: Csr, across: Bools, labels: Ints32) -> None:
     """Find the fans of corners by union-find, as `_label` does: faces that follow each other at an edge connect."""
-    for i in range(len(labels)):
-        labels[i] = i
     for e in range(len(across)):
         if not across[e]:
             continue

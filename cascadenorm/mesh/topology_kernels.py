@@ -28,10 +28,9 @@ def fill_neighbors(edges: Ints32, free: Ints, indices: Ints32) -> None:
     """Store each end of an edge as a neighbour of the other end; lower ends come before higher ones."""
     for here in (1, 0):
         for e in range(len(edges)):
-            if edges[e, 0] != edges[e, 1]:
-                vertex = edges[e, here]
-                indices[free[vertex]] = edges[e, 1 - here]
-                free[vertex] += 1
+            vertex = edges[e, here]
+            indices[free[vertex]] = edges[e, 1 - here]
+            free[vertex] += 1
 
 
 @kernel

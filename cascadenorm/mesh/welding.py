@@ -101,6 +101,13 @@ def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_
     return (same, repeated) if _find_equal(bits, factors, places, same, repeated) else None
 
 
+def repeats(rows: NDArray[Any]) -> tuple[Bools, NDArray[np.int64]]:
+    """Return (k,) bool, the rows equal to an earlier one, and (k,) the first equal row of each."""
+    every, found = np.arange(len(rows)), first_equal(rows)
+    first = every if found is None else found[0]
+    return first != every, first
+
+
 def _bits(rows: NDArray[Any]) -> NDArray[np.int64]:
     """Return the bits of each row as numbers of eight bytes; two numbers of single precision share one."""
     per_number = 2 if rows.dtype == np.float32 else 1

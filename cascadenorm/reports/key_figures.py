@@ -45,16 +45,11 @@ def key_figures(
 
 def headline(inspected: InspectedMeshes, done: DenoisingSummary | None) -> list[str]:
     """Return the kind of error and of surface of the first mesh, and the method, worded as by `denoise`."""
-    first = inspected[0][1]
-    error, treated_as = (first.error, first.treated_as) if done is None else (done.error, done.treated_as)
-    parts = []
-    if error is not None:
-        parts.append(f"Kind of error: {error}.")
-    if treated_as is not None:
-        parts.append(f"Treated as: {treated_as}.")
-    if done is not None:
-        parts.append(f"Method: {done.method}, {done.seconds:.1f} s.")
-    return [" ".join(parts)] if parts else []
+    known = inspected[0][1] if done is None else done
+    parts = {"Kind of error": known.error, "Treated as": known.treated_as}
+    method = {} if done is None else {"Method": f"{done.method}, {done.seconds:.1f} s"}
+    line = " ".join(f"{name}: {value}." for name, value in {**parts, **method}.items() if value is not None)
+    return [line] if line else []
 
 
 def _angle(meshes: Mapping[str, Mesh], measured: MeasuredMeshes) -> list[Tile]:

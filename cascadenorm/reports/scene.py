@@ -202,13 +202,10 @@ def _packed_field(field: Field, drawn: Mapping[str, _Drawn], *, fewer_steps: boo
     quantity = field.quantity
     steps = VALUE_STEPS if not fewer_steps else FEWER_STEPS // 2 if quantity.signed else FEWER_STEPS
     packs: list[dict[str, Any]] = []
-    rows: list[NDArray[np.float64]] = []
-    of_mesh = {}
+    rows, of_mesh = dict[int, int](), dict[str, int]()
     for key, values in field.values.items():
-        row = next((i for i, known in enumerate(rows) if known is values), len(rows))
-        of_mesh[key] = row
-        if row == len(rows):
-            rows.append(values)
+        of_mesh[key] = row = rows.setdefault(id(values), len(packs))
+        if row == len(packs):
             shown = drawn[key].shown
             whole = in_steps(values[shown.kept_faces if quantity.at == "face" else shown.kept_vertices], steps)
             ways = [packed(whole.codes, differences=differences) for differences in (False, True)]

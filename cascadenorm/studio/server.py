@@ -52,7 +52,7 @@ def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: i
 
         @asynccontextmanager
         async def working(_: Starlette) -> AsyncIterator[None]:
-            session.start()
+            session.ready()
             tasks = [asyncio.create_task(_end_without_pages(session, server))]
             if file is not None:
                 tasks.append(asyncio.create_task(session.open_given(Path(file).absolute(), fspath(file))))

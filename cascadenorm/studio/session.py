@@ -49,10 +49,6 @@ class Session:
         self._worker: Channel | None = None
         self._form: dict[str, Any] | None = None
 
-    def start(self) -> None:
-        """Start the worker, which takes a second, before it is needed."""
-        self._worker = self._started()
-
     # work
 
     async def form(self) -> dict[str, Any]:
@@ -139,12 +135,8 @@ class Session:
 
     # the worker
 
-    def _started(self) -> Channel:
-        soon = asyncio.get_running_loop().call_soon_threadsafe
-        return Channel(lambda reply: soon(self._heard, reply), lambda error: soon(self._ended, error))
-
     def _send(self, kind: str, **arguments: Any) -> int:
-        worker = self._ready()
+        worker = self.ready()
         request = Request(next(self._numbers), kind, arguments)
         future = asyncio.get_running_loop().create_future()
         future.add_done_callback(lambda done: done.cancelled() or done.exception())  # possibly nothing waits for it
@@ -152,10 +144,11 @@ class Session:
         worker.send(request)
         return request.number
 
-    def _ready(self) -> Channel:
-        """Return the worker; if there is none, start one and open the current file in it."""
+    def ready(self) -> Channel:
+        """Return the worker; if there is none, start one, which takes a second, and open the current file in it."""
         if self._worker is None:
-            self._worker = self._started()
+            soon = asyncio.get_running_loop().call_soon_threadsafe
+            self._worker = Channel(lambda reply: soon(self._heard, reply), lambda error: soon(self._ended, error))
             if self.file is not None:
                 path, name = self.file
                 self._send("open", path=str(path), name=name)
@@ -182,7 +175,7 @@ class Session:
                 future.cancel()
                 self._tell({"type": "cancelled", "ticket": request.arguments["ticket"]})
             else:
-                self._ready().send(request)
+                self.ready().send(request)
                 self._waiting[number] = (request, future, since)
 
     def _heard(self, reply: Reply) -> None:

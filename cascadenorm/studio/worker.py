@@ -91,13 +91,26 @@ def _serve(connection: Connection, oldest: Any) -> None:
             request = connection.recv()
         except (EOFError, OSError):
             return
-        connection.send(_reply(request, requests.done, _Reports(connection, oldest, request)))
+        connection.send(_reply(connection, oldest, request, requests.done))
 
 
-def _reply(request: Request, done: Callable[..., Any], reports: "_Reports") -> Reply:
-    """Return the reply that ends a request."""
+def _reply(connection: Connection, oldest: Any, request: Request, done: Callable[..., Any]) -> Reply:
+    """Return the reply that ends a request. Progress and previews are sent before."""
+    said = 0.0
+
+    def progress(fraction: float) -> None:
+        nonlocal said
+        if request.kind == "denoise" and request.number < oldest.value:
+            raise Cancelled
+        if monotonic() - said >= INTERVAL:
+            said = monotonic()
+            connection.send(Reply(request.number, "progress", fraction))
+
+    def preview(scene: bytes) -> None:
+        connection.send(Reply(request.number, "preview", scene))
+
     try:
-        return Reply(request.number, "done", done(request.kind, request.arguments, reports.progress, reports.preview))
+        return Reply(request.number, "done", done(request.kind, request.arguments, progress, preview))
     except Cancelled:
         return Reply(request.number, "cancelled", None)
     except CascadenormError as error:
@@ -117,23 +130,3 @@ def _about(error: CascadenormError) -> dict[str, Any]:
     if isinstance(error, OutputError):
         told["existing"] = error.existing
     return told
-
-
-class _Reports:
-    """Reports on a request in progress."""
-
-    def __init__(self, connection: Connection, oldest: Any, request: Request) -> None:
-        self._connection, self._oldest, self._request = connection, oldest, request
-        self._said = 0.0
-
-    def progress(self, fraction: float) -> None:
-        """Report the fraction done at intervals; raise Cancelled if the request was cancelled."""
-        if self._request.kind == "denoise" and self._request.number < self._oldest.value:
-            raise Cancelled
-        if monotonic() - self._said >= INTERVAL:
-            self._said = monotonic()
-            self._connection.send(Reply(self._request.number, "progress", fraction))
-
-    def preview(self, scene: bytes) -> None:
-        """Report the scene of a coarse mesh."""
-        self._connection.send(Reply(self._request.number, "preview", scene))

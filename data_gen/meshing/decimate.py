@@ -31,9 +31,7 @@ def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
     half_edges = half_edges_of(mesh)
     half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
     decimate(half_edges, faces=faces, evenness=evenness)
-    thin = mesh_of(half_edges)
-    fit(thin)
-    return thin
+    return fit(mesh_of(half_edges))
 
 
 def decimate(half_edges: HalfEdges, *, faces: int, evenness: float) -> None:

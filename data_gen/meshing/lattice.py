@@ -84,15 +84,8 @@ def _values(field: DistanceField, nodes: NDArray[np.float64], *, reach: float) -
     """Evaluate at the corners of blocks, then everywhere in the blocks that the surface may cross."""
     corners = nodes[::BLOCK_CELLS, ::BLOCK_CELLS, ::BLOCK_CELLS]
     coarse = field(corners.reshape(-1, 3)).reshape(corners.shape[:3])
-    blocks: NDArray[np.int_] = np.array(coarse.shape) - 1
-    near = np.full(tuple(blocks), np.inf)
-    low, high = near.copy(), -near
-    for a, b, c in np.ndindex(2, 2, 2):
-        part = coarse[a : a + blocks[0], b : b + blocks[1], c : c + blocks[2]]
-        np.minimum(near, np.abs(part), out=near)
-        np.minimum(low, part, out=low)
-        np.maximum(high, part, out=high)
-    active = (near < reach) | ((low < 0) & (high >= 0))
+    ends = np.lib.stride_tricks.sliding_window_view(coarse, (2, 2, 2))
+    active = (ends.min(axis=(3, 4, 5)) < reach) & (ends.max(axis=(3, 4, 5)) > -reach)
     spread = active.repeat(BLOCK_CELLS, 0).repeat(BLOCK_CELLS, 1).repeat(BLOCK_CELLS, 2)
     wanted = np.zeros(nodes.shape[:3], bool)
     for a, b, c in np.ndindex(2, 2, 2):

@@ -37,9 +37,7 @@ def modelled_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
         quads = quads[heights < np.quantile(heights, rng.uniform(0.65, 0.95))]
         used, numbers = np.unique(quads, return_inverse=True)
         points, quads = points[used], numbers.reshape(-1, 4)
-    mesh = Mesh(points / np.ptp(points, axis=0).max(), _triangles(points, quads, rng))
-    fit(mesh)
-    return mesh
+    return fit(Mesh(points / np.ptp(points, axis=0).max(), _triangles(points, quads, rng)))
 
 
 def _boxes(count: int, rng: np.random.Generator) -> Ints:

@@ -51,7 +51,7 @@ def _numbers(faces: int, ratio: float) -> tuple[int, int]:
     return rows, max(round(quadrilaterals / rows), 6)
 
 
-def _torus(faces: int, rng: np.random.Generator) -> Mesh:
+def _torus(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Sweep a closed, lobed profile around a ring that may wave up and down."""
     rows, columns = _numbers(faces, log_uniform((0.7, 5.0), rng=rng))
     u = np.linspace(0, 2 * np.pi, rows, endpoint=False)[:, None]
@@ -61,10 +61,10 @@ def _torus(faces: int, rng: np.random.Generator) -> Mesh:
     distance = 0.75 + minor * np.cos(v)
     height = minor * np.sin(v) + rng.uniform(0, 0.25) * np.sin(int(rng.integers(1, 4)) * u)
     points = np.stack([distance * np.cos(u), distance * np.sin(u), height], axis=-1)
-    return Mesh(points.reshape(-1, 3), grid_faces(rows, columns, around=(True, True), rng=rng))
+    return fit(Mesh(points.reshape(-1, 3), grid_faces(rows, columns, around=(True, True), rng=rng)))
 
 
-def _revolved(faces: int, rng: np.random.Generator) -> Mesh:
+def _revolved(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Revolve a profile, smooth or with kinks, around an axis. The ends stay open."""
     rows, columns = _numbers(faces, log_uniform((0.4, 2.5), rng=rng))
     height = np.linspace(-0.9, 0.9, columns)
@@ -81,11 +81,14 @@ def _revolved(faces: int, rng: np.random.Generator) -> Mesh:
     distance = radius[None, :] * lobes
     z = np.broadcast_to(height[None, :], distance.shape)
     points = np.stack([distance * np.cos(angle), distance * np.sin(angle), z], axis=-1)
-    return Mesh(points.reshape(-1, 3), grid_faces(rows, columns, around=(True, False), rng=rng))
+    return fit(Mesh(points.reshape(-1, 3), grid_faces(rows, columns, around=(True, False), rng=rng)))
 
 
-def _terrain(faces: int, rng: np.random.Generator) -> Mesh:
-    """Return heights over a regular grid: noise with wavelengths down to a few posts, some rounded to steps."""
+def terrain_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
+    """Make a terrain with about `faces` faces; raise UnfitShapeError if it is invalid.
+
+    The heights are noise with wavelengths down to a few posts, some rounded to steps.
+    """
     rows, columns = _numbers(faces, log_uniform((0.5, 2.0), rng=rng))
     x, y = np.meshgrid(np.arange(rows, dtype=float), np.arange(columns, dtype=float), indexing="ij")
     y = y * log_uniform((0.5, 2.0), rng=rng)
@@ -100,24 +103,15 @@ def _terrain(faces: int, rng: np.random.Generator) -> Mesh:
         step = log_uniform((0.002, 0.05), rng=rng)
         heights = np.round(heights / step) * step
     points[:, 2] = heights
-    return Mesh(points * (2 / rows), grid_faces(rows, columns, around=(False, False), rng=rng)[:, ::-1])
+    return fit(Mesh(points * (2 / rows), grid_faces(rows, columns, around=(False, False), rng=rng)[:, ::-1]))
 
 
-def terrain_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
-    """Make a terrain with about `faces` faces; raise UnfitShapeError if it is invalid."""
-    mesh = _terrain(faces, rng)
-    fit(mesh)
-    return mesh
-
-
-STRUCTURED: tuple[Callable[[int, np.random.Generator], Mesh], ...] = (_torus, _revolved, _terrain)
+STRUCTURED: tuple[Callable[..., Mesh], ...] = (_torus, _revolved, terrain_mesh)
 
 
 def structured_mesh(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Make a surface over a grid of parameters with about `faces` faces; raise UnfitShapeError if it is invalid."""
-    mesh = STRUCTURED[rng.integers(len(STRUCTURED))](faces, rng)
-    fit(mesh)
-    return mesh
+    return STRUCTURED[rng.integers(len(STRUCTURED))](faces=faces, rng=rng)
 
 
 def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh:
@@ -135,6 +129,4 @@ def subdivided_cage(mesh: Mesh, *, faces: int, rng: np.random.Generator) -> Mesh
     vertices, triangles = cage.vertices, cage.faces
     for _ in range(levels):
         vertices, triangles = subdivide(vertices, triangles)
-    fine = Mesh(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32))
-    fit(fine)
-    return fine
+    return fit(Mesh(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32)))

@@ -23,6 +23,7 @@ class Extent(NamedTuple):
     lower: Vectors
     upper: Vectors
     rough: Mesh
+    cut: bool = False  # whether the surface is cut open at the box
 
     @property
     def area(self) -> float:
@@ -33,9 +34,6 @@ class Extent(NamedTuple):
     def middle(self) -> Vectors:
         """Middle of the box."""
         return 0.5 * (self.lower + self.upper)
-
-
-Window = tuple[Vectors, Vectors]  # lower and upper corner of a box
 
 
 class UnfitShapeError(ValueError):
@@ -54,41 +52,30 @@ def extent_of(field: DistanceField, *, rng: np.random.Generator) -> Extent:
     return Extent(where.min(axis=0) - ROUGH, where.max(axis=0) + ROUGH, marching_cubes(field, lattice))
 
 
-def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> tuple[Extent, Window]:
+def cut_out(extent: Extent, *, share: float, rng: np.random.Generator) -> Extent:
     """Choose a cube about a point of the surface that contains about a given share of its area."""
     rough = extent.rough
     middle = rough.centroids[rng.choice(len(rough.areas), p=rough.areas / rough.area)]
     gap = np.abs(rough.centroids - middle).max(axis=1)
     order = np.argsort(gap)
     half = float(gap[order[np.searchsorted(np.cumsum(rough.areas[order]), share * rough.area)]])
-    window = (middle - half, middle + half)
-    return Extent(*window, Mesh(rough.vertices, rough.faces[gap <= half])), window
+    return Extent(middle - half, middle + half, Mesh(rough.vertices, rough.faces[gap <= half]), cut=True)
 
 
-def polygonised(
-    field: DistanceField,
-    extent: Extent,
-    *,
-    faces: int,
-    sharp: bool,
-    rng: np.random.Generator,
-    window: Window | None = None,
-) -> Mesh:
+def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool, rng: np.random.Generator) -> Mesh:
     """Polygonise a field with about `faces` triangles on a randomly rotated and jittered lattice.
 
-    A sharp one is polygonised by dual contouring instead of marching cubes. A window is the box at which the surface is
-    cut open.
+    A sharp one is polygonised by dual contouring instead of marching cubes.
     """
     spacing = float(np.sqrt(2.3 * extent.area / faces))
-    lower, upper = (extent.lower, extent.upper) if window is None else window
     lattice = sample(
         field,
-        lower=lower,
-        upper=upper,
+        lower=extent.lower,
+        upper=extent.upper,
         spacing=spacing,
         jitter=JITTER,
         turn=random_rotation(rng=rng),
-        open_boundary=window is not None,
+        open_boundary=extent.cut,
         rng=rng,
     )
     try:
@@ -110,29 +97,30 @@ def disentangled(mesh: Mesh, *, share: float) -> Mesh:
     return largest_components(untangled(largest_components(mesh, share=share)), share=share)
 
 
-def fit(mesh: Mesh) -> None:
-    """Raise UnfitShapeError if a mesh is not manifold or has degenerate faces."""
+def fit(mesh: Mesh) -> Mesh:
+    """Return the mesh; raise UnfitShapeError if it is not manifold or has degenerate faces."""
     if not is_manifold(mesh):
         raise UnfitShapeError("the mesh is not manifold")
     if mesh.areas.min() <= 1e-7 * mesh.areas.mean():
         raise UnfitShapeError("the mesh has faces without area")
+    return mesh
 
 
 def untangled(mesh: Mesh) -> Mesh:
     """Give each pair of faces at an edge with four faces its own edge, and each fan of faces its own vertex."""
-    vertices, faces = _with_single_edges(mesh)
-    return _with_single_fans(Mesh(vertices, faces))
+    mesh = _with_single_edges(mesh)
+    fan = mesh.topology.fans(mesh.topology.edge_faces.counts == 2)
+    vertices = np.empty((fan.max() + 1, 3))
+    vertices[fan] = mesh.vertices[mesh.faces.ravel()]
+    return Mesh(vertices, fan.reshape(-1, 3))
 
 
-def _with_single_edges(mesh: Mesh) -> tuple[Vectors, NDArray[np.int32]]:
+def _with_single_edges(mesh: Mesh) -> Mesh:
     """Give each pair of near faces at an edge with four faces a vertex of its own, slightly displaced towards them."""
     edge_faces = mesh.topology.edge_faces
-    crowded = np.flatnonzero(edge_faces.counts == 4)
-    if len(crowded) == 0:
-        return mesh.vertices, mesh.faces
     fresh: list[NDArray[np.float64]] = []
     inserted: dict[int, list[tuple[int, int]]] = {}  # face: (side, vertex)
-    for edge in crowded.tolist():
+    for edge in np.flatnonzero(edge_faces.counts == 4).tolist():
         a, b = mesh.topology.edges[edge]
         members = edge_faces.row(edge)
         sides = [int(np.flatnonzero(mesh.topology.face_edges[f] == edge)[0]) for f in members]
@@ -150,11 +138,11 @@ def _with_single_edges(mesh: Mesh) -> tuple[Vectors, NDArray[np.int32]]:
             for k in pair:
                 inserted.setdefault(int(members[k]), []).append((sides[k], len(mesh.vertices) + len(fresh)))
             fresh.append(place)
-    kept = np.delete(mesh.faces, list(inserted), axis=0)
     pieces = [triangle for f, marks in inserted.items() for triangle in _pieces(mesh.faces[f], dict(marks))]
     if not pieces:
-        return mesh.vertices, mesh.faces
-    return np.concatenate([mesh.vertices, fresh]), np.concatenate([kept, np.array(pieces, np.int32)])
+        return mesh
+    kept = np.delete(mesh.faces, list(inserted), axis=0)
+    return Mesh(np.concatenate([mesh.vertices, fresh]), np.concatenate([kept, np.array(pieces, np.int32)]))
 
 
 def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, int, int]]:
@@ -175,11 +163,3 @@ def _pieces(face: NDArray[np.int32], marks: dict[int, int]) -> list[tuple[int, i
         triangles.append((outline[k - 1], outline[k], outline[(k + 1) % len(outline)]))
         del outline[k]
     return [*triangles, (outline[0], outline[1], outline[2])]
-
-
-def _with_single_fans(mesh: Mesh) -> Mesh:
-    """Give each fan of faces at a vertex its own vertex; a fan is connected across edges with two faces."""
-    fan = mesh.topology.fans(mesh.topology.edge_faces.counts == 2)
-    vertices = np.empty((fan.max() + 1, 3))
-    vertices[fan] = mesh.vertices[mesh.faces.ravel()]
-    return Mesh(vertices, fan.reshape(-1, 3))

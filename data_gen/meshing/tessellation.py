@@ -31,11 +31,10 @@ def tessellate(
     sharp: bool,
     rng: np.random.Generator,
     tessellation: Tessellation | None = None,
-    window: tuple[Vectors, Vectors] | None = None,
 ) -> Mesh:
     """Make a mesh of about `faces` triangles of a field, whose edges become edges of the mesh if it is sharp.
 
-    Without a tessellation, one is drawn. A window is the box at which the surface is cut open.
+    Without a tessellation, one is drawn.
     """
     if tessellation is None:
         tessellation = rng.choice(get_args(Tessellation), p=[0.15, 0.22, 0.17, 0.08, 0.08, 0.12, 0.18])
@@ -44,7 +43,7 @@ def tessellate(
     if tessellation == "subdivided" and sharp:
         oversampling = 5.0
     lattice_faces = int(oversampling * coarse)
-    mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, window=window, rng=rng)
+    mesh = polygonised(field, extent, faces=lattice_faces, sharp=sharp or rng.random() < 0.5, rng=rng)
     if not is_manifold(mesh):
         raise UnfitShapeError("the polygonised surface is not manifold")
     half_edges = half_edges_of(mesh, creases=shape_creases(field, mesh) if sharp else None)

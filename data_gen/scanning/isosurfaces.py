@@ -71,15 +71,9 @@ def marching_tetrahedra(volume: Volume) -> Mesh:
 
 def _tetrahedra(numbers: NDArray[np.int64], order: tuple[int, ...]) -> NDArray[np.int64]:
     """Return one of the six tetrahedra of each cell: the steps along the axes from its first node to its last."""
-    at = np.zeros(3, int)
-    corners = []
-    for step in (None, *order):
-        if step is not None:
-            at[step] = 1
-        corners.append(
-            numbers[tuple(slice(start, start + size - 1) for start, size in zip(at, numbers.shape, strict=True))]
-        )
-    return np.stack([part.ravel() for part in corners], axis=1)
+    steps = np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(order)]], axis=0)
+    cells = np.array(numbers.shape) - 1
+    return np.stack([numbers[tuple(map(slice, at, at + cells))].ravel() for at in steps], axis=1)
 
 
 RELAXED_SHARE = 0.6  # share of the meshes whose vertices are moved onto the surface

@@ -40,14 +40,9 @@ class DepthImage(NamedTuple):
     turn: Vectors  # (3, 3) columns: along the grid's sides, and from the scene toward the eye
     distance: float
     pixels: Values  # (p,)
-    ratio: float  # ratio of the step along the second side of the grid to that along the first
+    gap: float  # length above which a side spans a gap in depth
     depth: Values  # (p * p,) along the ray; infinite if it meets nothing
     points: Vectors  # (p * p, 3) end points of the rays; the eye if they meet nothing
-
-    @property
-    def gap(self) -> float:
-        """Return the length above which a side spans a gap in depth."""
-        return float(STEEP * (self.pixels[1] - self.pixels[0]) * self.ratio)
 
     @property
     def faces(self) -> NDArray[np.int32]:
@@ -67,7 +62,10 @@ class DepthImage(NamedTuple):
 def depth_image(
     field: DistanceField, middle: Vectors, turn: Vectors, *, distance: float, step: float, ratio: float = 1.0
 ) -> DepthImage:
-    """Trace a field from a direction; `step` is the distance between rays at the middle of the scene."""
+    """Trace a field from a direction; `step` is the distance between rays at the middle of the scene.
+
+    `ratio` is that of the step along the second side of the grid to that along the first.
+    """
     eye = middle + distance * turn[:, 2]
     count = int(2 * HALF_SIDE / step)
     pixels = step * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
@@ -75,7 +73,8 @@ def depth_image(
     rays = unit(middle + grid @ turn[:, :2].T - eye)
     depth = traced(field, eye, rays, start=distance - HALF_SIDE, stop=distance + HALF_SIDE)
     points = eye + np.where(np.isfinite(depth), depth, 0)[:, None] * rays
-    return DepthImage(eye, turn, distance, pixels, ratio, depth, points)
+    gap = float(STEEP * (pixels[1] - pixels[0]) * ratio)
+    return DepthImage(eye, turn, distance, pixels, gap, depth, points)
 
 
 def scanned_view(

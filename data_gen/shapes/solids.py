@@ -96,17 +96,11 @@ def engraved(edge: float, rng: np.random.Generator) -> DistanceField:
             tool = moved(box([width, width, 2.0]), by=rng.uniform(-0.5, 0.5, 3), rotation=random_rotation(rng=rng))
         depth = edge * rng.uniform(1.5, 3.5)
         if rng.random() < 0.6:
-            body = difference(
-                body, intersection(tool, offset(skin, by=0.3)) if kind == 2 else _within(tool, skin, depth)
-            )
+            part = intersection(tool, offset(skin, by=0.3)) if kind == 2 else difference(tool, offset(skin, by=-depth))
+            body = difference(body, part)
         else:
             body = union(body, intersection(tool, offset(skin, by=depth)))
     return body
-
-
-def _within(tool: DistanceField, skin: DistanceField, depth: float) -> DistanceField:
-    """Return the part of a tool that lies less than a depth below the surface."""
-    return lambda points: np.maximum(tool(points), -skin(points) - depth)
 
 
 def _slab(plane: Vectors, level: float, width: float) -> DistanceField:

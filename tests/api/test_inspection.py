@@ -13,7 +13,6 @@ from shapes import cube, grid, icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.api.inspection import FINDINGS, Found, Inspection, inspect, noise_level
 from cascadenorm.api.inspection.crossings import crossing_faces
-from cascadenorm.api.inspection.defects import repeats
 from cascadenorm.api.inspection.source import taken
 from cascadenorm.cli import run
 from cascadenorm.cli.tables import counted
@@ -23,6 +22,7 @@ from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.io import from_arrays
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
+from cascadenorm.mesh.welding import repeats
 
 BALL = icosphere(2)
 ROUGH = noisy(BALL, 0.2)

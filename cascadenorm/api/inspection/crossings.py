@@ -4,7 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
-from cascadenorm.mesh import SMALLEST_COSTLY_CHUNK, Bools, Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import (
+    SMALLEST_COSTLY_CHUNK,
+    Bools,
+    Floats,
+    Ints,
+    Mesh,
+    Vectors,
+    kernel,
+    parallel_for,
+    repeats_vertex,
+)
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 MOST_NEAR = 1000  # maximum number of faces that are tested against one face
@@ -19,8 +29,7 @@ def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
     without a shared vertex. At most a thousand nearby faces are tested per face.
     """
     crossing = np.zeros(len(mesh.faces), bool)
-    a, b, c = places[mesh.faces].T
-    proper = np.flatnonzero((a != b) & (b != c) & (c != a))
+    proper = np.flatnonzero(~repeats_vertex(places[mesh.faces]))
     if len(proper):
         surface = SurfaceTree(Mesh(mesh.vertices, mesh.faces[proper]))
         order = proper[surface.order]

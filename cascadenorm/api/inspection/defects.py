@@ -1,6 +1,6 @@
 """Detect boundaries, non-manifold edges and vertices, duplicates, slivers and spikes, and measure closed components."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from cascadenorm.mesh import (
     scatter_add,
 )
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
-from cascadenorm.mesh.welding import first_equal
 
 Mask = NDArray[np.bool_]
 
@@ -75,13 +74,6 @@ def folded_edges(mesh: Mesh) -> Mask:
     cosines = pair_products(mesh.face_normals, topology.face_pairs)
     cosines[flipped_edges(topology)[topology.interior_edges]] *= -1
     return np.asarray(cosines < FOLDED_COSINE)
-
-
-def repeats(rows: NDArray[Any]) -> tuple[Mask, NDArray[np.int64]]:
-    """Return (k,) bool, the rows equal to an earlier one, and (k,) the first equal row of each."""
-    every, found = np.arange(len(rows)), first_equal(rows)
-    first = every if found is None else found[0]
-    return first != every, first
 
 
 class Enclosed(NamedTuple):

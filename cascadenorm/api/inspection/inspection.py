@@ -14,7 +14,6 @@ from cascadenorm.api.inspection.defects import (
     flipped_edges,
     folded_edges,
     pinched_vertices,
-    repeats,
     spikes,
     thin_faces,
 )
@@ -37,7 +36,7 @@ from cascadenorm.mesh import (
     repeats_vertex,
     without_repeated_faces,
 )
-from cascadenorm.mesh.welding import nearly_coincident
+from cascadenorm.mesh.welding import nearly_coincident, repeats
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 

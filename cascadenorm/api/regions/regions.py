@@ -17,7 +17,7 @@ from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.mesh import Bools, Ints, Mesh, connected_components, limit_threads
+from cascadenorm.mesh import Bools, Ints, Mesh, connected_components, first_of_each, limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
@@ -215,8 +215,7 @@ def coincident_vertices(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
 
     # The first vertex of each connected set of pairs, and the connected meshes
     part = connected_components(pairs, len(positions))
-    _, first, which = np.unique(part, return_index=True, return_inverse=True)
-    return first[which.reshape(-1)].astype(np.int64), connected_components(owner[pairs], len(meshes)).astype(np.int64)
+    return first_of_each(part)[part], connected_components(owner[pairs], len(meshes)).astype(np.int64)
 
 
 def join_meshes(meshes: Sequence[Mesh], first: Ints) -> tuple[Mesh, Ints]:

@@ -13,6 +13,7 @@ import numpy as np
 from cascadenorm.geometry.orientation import oriented_patches
 from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, scatter_add
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
+from cascadenorm.mesh.welding import repeats
 
 Pattern = tuple[int, ...]
 """The walls around an edge in cyclic order: 2 w + 1 if the face of wall w traverses the edge forward, otherwise 2 w."""
@@ -66,7 +67,7 @@ def shells(mesh: Mesh) -> Shells | None:
     """
     if (mesh.topology.edge_faces.counts < 3).all():
         return None
-    distinct = _first_duplicates(mesh.faces)
+    distinct = ~repeats(np.sort(mesh.faces, axis=1))[0]
     counts = np.bincount(mesh.topology.face_edges[distinct].ravel(), minlength=len(mesh.topology.edges))
     junctions = np.flatnonzero(counts >= 3)
     if not len(junctions):
@@ -118,14 +119,6 @@ def _side_by_side(
     corners[flipped] = corners[flipped, ::-1]
     owners = copies // (count + 1)
     return Mesh(mesh.vertices[owners], corners), owners, faces, flipped
-
-
-def _first_duplicates(faces: Ints32) -> Bools:
-    """Return (m,) whether each face is the first on its three vertices."""
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    distinct = np.zeros(len(faces), bool)
-    distinct[first] = True
-    return distinct
 
 
 def _patterns(mesh: Mesh, junctions: Ints, wall: Ints, distinct: Bools) -> tuple[list[Pattern], dict[Pattern, float]]:

@@ -26,7 +26,7 @@ from cascadenorm.io.ply.table import (
     text_rows,
 )
 from cascadenorm.io.text.number_format import replace_words
-from cascadenorm.io.text.text import Text, as_short
+from cascadenorm.io.text.text import Text, as_short, edited
 from cascadenorm.io.text.tokenizer import splice
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
@@ -227,18 +227,14 @@ class PlyFile(MeshFile):
                 end = int(self._text.ends[self._ends[element.name] // WORD - 1])
                 new = b"".join(end_of_line + row for row in text_rows(element, values))
             inserted.append((end, end, new))
-        parts, last = [], 0
-        for begin, end, new in sorted(inserted):
-            parts += [self.data[last:begin], new]
-            last = end
-        return PlyFile(b"".join([*parts, self.data[last:]]), self.folder)
+        return PlyFile(b"".join(edited(self.data, sorted(inserted))), self.folder)
 
     def _patch_vertices(self, element: PlyElement, patches: HolePatches) -> list[NDArray[Any]]:
         """Return the values of additional vertices by property, (a, 1), or (a, 0) for a list."""
         own = dict(zip(XYZ, patches.positions.T, strict=True))
         normals = self._read("vertex", NORMAL)
         if normals is not None:
-            own |= zip(NORMAL, patches.vertex_normals(normals).T, strict=True)
+            own |= zip(NORMAL, patches.all_normals(normals)[len(normals) :].T, strict=True)
         found = []
         for p in element.properties:
             values = np.zeros((len(patches.positions), 0))

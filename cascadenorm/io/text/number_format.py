@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.base import Piece
 from cascadenorm.io.text.text import Text, blocks
-from cascadenorm.io.text.tokenizer import Offsets, commas, splice
+from cascadenorm.io.text.tokenizer import Offsets, splice
 from cascadenorm.mesh import Ints, any_in_rows
 
 PLAIN = {np.dtype(np.float32): (1e-4, 1e6), np.dtype(np.float64): (1e-4, 1e16)}
@@ -55,8 +55,7 @@ def replace_words(text: Text, *tables: tuple[Offsets, NDArray[Any]]) -> Iterator
 def _formatted(values: NDArray[Any]) -> tuple[bytes, Ints, Ints]:
     """Format (k,) numbers. Returns letters, and where in them each number begins and stops."""
     letters = orjson.dumps(_native(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1] + b","  # strip [ and ]
-    stops = np.empty(len(values), np.int64)
-    commas(np.frombuffer(letters, np.uint8), stops)
+    stops = np.flatnonzero(np.frombuffer(letters, np.uint8) == ord(","))
     begins = np.concatenate([np.zeros(1, np.int64), stops[:-1] + 1])
     beyond = np.flatnonzero(_beyond(values))
     words = [_word(value) for value in values[beyond]]  # appended after the others

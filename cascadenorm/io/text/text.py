@@ -1,7 +1,7 @@
 """Text files as words with known positions, so that numbers can be replaced without any other change."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,9 @@ NOT_FINITE = re.compile(rb"[+-]?(nan\(\w*\)|\d\.#\w+)", re.I)  # as some C libra
 WORDS_AT_A_TIME = 1 << 18  # words processed at a time
 SINGLE_DIGITS = 9  # significant digits up to which single precision restores a number
 SPACE = 32  # white space is at most this byte and follows each word except the last
+
+Edit = tuple[int, int, bytes]
+"""Begin and end of a byte range, and its replacement."""
 
 
 class Text:
@@ -140,3 +143,12 @@ def blocks(count: int, width: int = 1) -> Iterator[slice]:
     """Split the range 0 … count, with `width` words per item, into parts that limit the working memory."""
     size = max(WORDS_AT_A_TIME // max(width, 1), 1)
     return (slice(start, start + size) for start in range(0, count, size))
+
+
+def edited(data: bytes, edits: Iterable[Edit]) -> list[bytes]:
+    """Apply edits, in ascending order, to bytes; return the result in pieces."""
+    pieces, last = list[bytes](), 0
+    for begin, end, new in edits:
+        pieces += (data[last:begin], new)
+        last = end
+    return [*pieces, data[last:]]

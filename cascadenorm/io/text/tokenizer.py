@@ -155,16 +155,6 @@ def _quotient(whole: int, power: float) -> float:
 
 
 @kernel
-def commas(text: Bytes, places: Ints) -> None:
-    """Find the commas of a text."""
-    found = 0
-    for i in range(len(text)):
-        if text[i] == 44:
-            places[found] = i
-            found += 1
-
-
-@kernel
 def splice(data: Bytes, starts: Offsets, ends: Offsets, letters: Bytes, begins: Ints, stops: Ints, out: Bytes) -> int:
     """Copy the data with the given words replaced by letters from begin to stop; return the length of the copy."""
     at = last = 0

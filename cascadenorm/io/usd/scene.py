@@ -126,22 +126,18 @@ class _Composition:
     """Upper bound on the number of prims of a composed scene. It rejects scenes that expand without limit."""
 
     def __init__(self, layers: Layers) -> None:
-        self._layers, self._known, self._open = layers, dict[tuple[str, str], int](), set[tuple[str, str]]()
+        self._layers, self._known = layers, dict[tuple[str, str], int]()
 
     def count(self, name: str, path: Any) -> int:
         """Return the number of prims at and below a path of a layer, including all that they reference."""
         key = (name, str(path))
-        if key in self._known:
-            return self._known[key]
-        if key in self._open:  # a cycle, which OpenUSD ignores
-            return 0
-        self._open.add(key)
-        try:
-            self._known[key] = total = self._counted(name, path)
-        except RecursionError:
-            raise ReadError("the objects of this scene are nested too deeply: export the file again") from None
-        self._open.remove(key)
-        return total
+        if key not in self._known:
+            self._known[key] = 0  # for a cycle back to here, which OpenUSD ignores
+            try:
+                self._known[key] = self._counted(name, path)
+            except RecursionError:
+                raise ReadError("the objects of this scene are nested too deeply: export the file again") from None
+        return self._known[key]
 
     def _counted(self, name: str, path: Any) -> int:
         from pxr import Sdf

@@ -12,9 +12,9 @@ from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Labels, Look, as_
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
 from cascadenorm.io.text.number_format import lines_of, replace_words
-from cascadenorm.io.text.text import Text, as_short
+from cascadenorm.io.text.text import Edit, Text, as_short, edited
 from cascadenorm.io.xml.collada_nodes import instances
-from cascadenorm.io.xml.documents import Edit, Element, edited, tree_of
+from cascadenorm.io.xml.documents import Element, tree_of
 from cascadenorm.mesh import repeats_vertex
 from cascadenorm.mesh.polygons import Polygons, strips
 

@@ -1,18 +1,16 @@
 """XML documents as elements with known byte positions, so that numbers can be replaced without other changes."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import NoReturn
 from xml.parsers import expat
 
 from cascadenorm.errors import ReadError, reason
+from cascadenorm.io.text.text import Edit
 
 TAG = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=<>/]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*(/?)>""")
 ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 UTF_16 = (b"\xff\xfe", b"\xfe\xff", b"<\0", b"\0<")
-
-Edit = tuple[int, int, bytes]
-"""Begin and end of a byte range, and its replacement."""
 
 
 class Element:
@@ -108,15 +106,6 @@ def attribute_edits(data: bytes, at: int, values: dict[bytes, bytes]) -> list[Ed
     if len(edits) < len(values):
         raise ReadError("an element of this file is not valid XML: export the file again")
     return edits
-
-
-def edited(data: bytes, edits: Iterable[Edit]) -> list[bytes]:
-    """Apply edits, in ascending order, to bytes; return the result in pieces."""
-    pieces, last = list[bytes](), 0
-    for begin, end, new in edits:
-        pieces += (data[last:begin], new)
-        last = end
-    return [*pieces, data[last:]]
 
 
 def _refuse_types(*_: object) -> NoReturn:

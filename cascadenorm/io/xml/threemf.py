@@ -17,8 +17,8 @@ from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.shown import Matrix, Shown, joined, placements
 from cascadenorm.io.text.number_format import rows_of
-from cascadenorm.io.text.text import as_short, digits_of
-from cascadenorm.io.xml.documents import Edit, attribute_edits, edited, parse
+from cascadenorm.io.text.text import Edit, as_short, digits_of, edited
+from cascadenorm.io.xml.documents import attribute_edits, parse
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
