@@ -56,16 +56,24 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     on generated shapes, so errors of a kind that none of these has may remain.
     """
     mesh = without_spikes(mesh)
-    start = without_voxel_faces(mesh)
     network: Learned | ChosenNetworks = loaded(model, "auto")
     if isinstance(network, GatedCascades):
         network = network.chosen(network.component_kinds(mesh, treat_as).measured)
+    return denoised(mesh, network, filtered=treat_as != "unknown")
+
+
+def denoised(mesh: Mesh, network: Cascade | ChosenNetworks, *, filtered: bool = True) -> Vectors:
+    """Denoise a mesh without spikes with one network, or with the network chosen for each component.
+
+    Returns the vertices, (n, 3), after all other steps of `auto`. Measured surfaces are also filtered if wanted.
+    """
+    start = without_voxel_faces(mesh)
     free_derived(mesh)
     mesh.topology.forget_adjacent_faces()
     vertices = network.vertices(start)
     del start
     measured = network.measured[mesh.topology.face_components] if isinstance(network, ChosenNetworks) else None
-    if measured is not None and treat_as != "unknown":
+    if measured is not None and filtered:
         vertices = with_filtered_surfaces(mesh, vertices, measured)
     vertices = without_drift(mesh, vertices)
     free_derived(mesh)

@@ -12,14 +12,15 @@ from sklearn.model_selection import KFold
 
 from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
 from cascadenorm.detection.gate import THRESHOLD, Gate
+from cascadenorm.detection.spikes import without_spikes
 from cascadenorm.detection.triangulation import triangulation_figures
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.learned.cascade import Cascade
-from cascadenorm.learned.drift import without_drift
-from cascadenorm.learned.gated import GatedCascades
+from cascadenorm.learned.gated import ChosenNetworks, GatedCascades
+from cascadenorm.learned.methods import denoised
 from cascadenorm.learned.training import checkpoints
-from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, thread_count
+from cascadenorm.mesh import Floats, angles_between, thread_count
 
 MOST_WEIGHT = 15.0  # largest weight of a mesh: the difference between the results of the networks, in degrees
 LEAST_WEIGHT = 0.02
@@ -73,7 +74,7 @@ class GateConfig:
 
 
 class Compared(NamedTuple):
-    """A generated mesh: features of its triangulation, angular errors in degrees of both networks, and its family."""
+    """Features of the triangulation of a mesh, the error of `auto` with each network in degrees, and the family."""
 
     figures: Floats
     vertex: float
@@ -82,17 +83,17 @@ class Compared(NamedTuple):
 
 
 def compare_networks(vertex: Cascade, surface: Cascade, config: DatasetConfig, index: int) -> Compared:
-    """Run both networks on a generated mesh."""
+    """Denoise a generated mesh with each of the networks."""
     made = pair(config, index)
-    known = np.flatnonzero(made.normals.any(axis=1))
-    left = [_angle(made.noisy, cascade, made.normals, known) for cascade in (vertex, surface)]
-    figures = triangulation_figures(made.noisy, np.arange(len(made.noisy.faces)))
-    return Compared(figures, left[0], left[1], made.family)
+    mesh, known = without_spikes(made.noisy), np.flatnonzero(made.normals.any(axis=1))
+    components = int(mesh.topology.components.max()) + 1
 
+    def angle(measured: bool) -> float:
+        network = ChosenNetworks(vertex, surface, np.full(components, measured))
+        result = made.noisy.moved(denoised(mesh, network))
+        return float(np.degrees(angles_between(result.face_normals[known], made.normals[known]).mean()))
 
-def _angle(mesh: Mesh, cascade: Cascade, normals: Vectors, known: NDArray[np.intp]) -> float:
-    denoised = mesh.moved(without_drift(mesh, cascade.vertices(mesh)))
-    return float(np.degrees(angles_between(denoised.face_normals[known], normals[known]).mean()))
+    return Compared(triangulation_figures(mesh, np.arange(len(mesh.faces))), angle(False), angle(True), made.family)
 
 
 def trained_gate(
