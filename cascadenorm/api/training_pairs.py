@@ -83,9 +83,9 @@ def write_pairs(
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")
-    make_folder(folder)
-    if any(folder.iterdir()) and not force:
+    if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = DatasetConfig(count=count, seed=seed)
     with explained_writing(folder), use_cluster(scheduler, workers=workers, folder=None):
+        make_folder(folder)
         write_dataset(folder, config, write=partial(save_mesh, force=True), workers=workers, progress=progress)
