@@ -23,6 +23,7 @@ from cascadenorm.compute.arrays import (
     unit,
 )
 from cascadenorm.compute.csr import Csr, joined_rows
+from cascadenorm.compute.equal_rows import repeats
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import (
     SMALLEST_COSTLY_CHUNK,
@@ -54,7 +55,7 @@ __all__ = [
     "Mesh", "MeshError", "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows",
     "bad_faces", "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
     "first_places", "frame_of", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
-    "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats_vertex",
+    "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats", "repeats_vertex",
     "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "sums_in_blocks",
     "thread_count", "unit", "with_part_moved", "without_lines", "without_repeated_faces",
 ]  # fmt: skip

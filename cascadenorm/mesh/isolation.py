@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.compute.arrays import Bools, Vectors, all_in_rows, any_in_rows
+from cascadenorm.compute.equal_rows import repeats
 from cascadenorm.errors import MeshError
 from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
@@ -40,8 +41,8 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
     """Keep one face for each set of three vertices; some exporters write a front and a back face."""
     if mesh.topology.edge_faces.counts.max() <= 2:
         return mesh
-    first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)[1]
-    return mesh if len(first) == len(mesh.faces) else Mesh(mesh.vertices, mesh.faces[np.sort(first)])
+    repeated = repeats(np.sort(mesh.faces, axis=1))[0]
+    return Mesh(mesh.vertices, mesh.faces[~repeated]) if repeated.any() else mesh
 
 
 def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:

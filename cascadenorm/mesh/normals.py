@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.equal_rows import first_equal
 from cascadenorm.mesh import Bools, Ints, Ints32, Vectors, any_in_rows, kernel, unit
 from cascadenorm.mesh.polygons import near_one
 from cascadenorm.mesh.vectors import area_vector, dot, row
-from cascadenorm.mesh.welding import first_equal
 
 NORMALS = ("Normals", "normals")  # names of normal arrays in VTK
 

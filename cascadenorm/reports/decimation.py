@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Mesh, first_of_each, repeats_vertex
-from cascadenorm.mesh.welding import repeats
+from cascadenorm.mesh import Mesh, first_of_each, repeats, repeats_vertex
 
 MOST_SHOWN_FACES = 1 << 20
 """Largest number of faces of a displayed mesh, for reports below 12 MB that open in seconds."""

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
-from hypothesis import strategies as st
 from partitions import walls
 from shapes import cube, grid, icosphere, noisy
 
@@ -22,7 +20,6 @@ from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.io import from_arrays
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
-from cascadenorm.mesh.welding import repeats
 
 BALL = icosphere(2)
 ROUGH = noisy(BALL, 0.2)
@@ -160,15 +157,6 @@ def test_faces_without_area_and_slivers():
     found = inspect(np.array(vertices), [[0, 2, 3], [0, 2, 4], [0, 1, 2], [0, 2, 5]])
     assert found.findings["slivers"] == Found(1, (0,))
     assert found.findings["zero_area"] == Found(2, (2, 3))
-
-
-@given(st.lists(st.tuples(*[st.sampled_from([-1.5, -0.0, 0.0, 2.0, 1e300])] * 3), max_size=30))
-def test_repeated_rows_refer_to_the_first_equal_one(rows):
-    array = np.array(rows, np.float64).reshape(-1, 3)
-    repeated, first = repeats(array)
-    expected = [rows.index(row) for row in rows]
-    np.testing.assert_array_equal(first, expected)
-    np.testing.assert_array_equal(repeated, np.arange(len(rows)) != expected)
 
 
 def test_a_file_with_other_positions_shares_the_connectivity():

@@ -33,10 +33,11 @@ from cascadenorm.mesh import (
     bad_vertices,
     in_frame,
     isolated,
+    repeats,
     repeats_vertex,
     without_repeated_faces,
 )
-from cascadenorm.mesh.welding import nearly_coincident, repeats
+from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm.geometry.orientation import oriented_patches
-from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, scatter_add
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, repeats, scatter_add
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
-from cascadenorm.mesh.welding import repeats
 
 Pattern = tuple[int, ...]
 """The walls around an edge in cyclic order: 2 w + 1 if the face of wall w traverses the edge forward, otherwise 2 w."""
