@@ -169,14 +169,10 @@ class Session:
             return
         self._worker.stop()
         self._worker = None
-        waiting, self._waiting = self._waiting, {}
-        for number, (request, future, since) in waiting.items():
-            if number in numbers:
-                future.cancel()
-                self._tell({"type": "cancelled", "ticket": request.arguments["ticket"]})
-            else:
-                self.ready().send(request)
-                self._waiting[number] = (request, future, since)
+        for number in sorted(self._waiting.keys() & set(numbers)):
+            self._heard(Reply(number, "cancelled", None))
+        for request, *_ in list(self._waiting.values()):
+            self.ready().send(request)
 
     def _heard(self, reply: Reply) -> None:
         if reply.number not in self._waiting:
@@ -214,13 +210,10 @@ class Session:
 
     def _ended(self, error: WorkerError) -> None:
         """Fail all pending requests; the next request starts another worker, which opens the same file."""
-        waiting, self._waiting, self._worker = self._waiting, {}, None
-        for request, future, _ in waiting.values():
-            content = {"error": f"{error.message()}. The next request starts another process."}
-            if not future.done():
-                future.set_exception(RequestFailed(content))
-            if request.kind == "denoise":
-                self._tell({"type": "failed", "ticket": request.arguments["ticket"], **content})
+        self._worker = None
+        content = {"error": f"{error.message()}. The next request starts another process."}
+        for number in list(self._waiting):
+            self._heard(Reply(number, "failed", content))
 
     def _keep(self, scene: bytes) -> int:
         """Keep a scene until there are two newer ones, apart from the first; return its number."""
