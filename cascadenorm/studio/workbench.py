@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -48,20 +48,17 @@ class StudioResult(NamedTuple):
 
     vertices: NDArray[Any]  # (n, 3)
     seconds: float  # how long the method took
-    # error, treated_as: kind of error and what `auto` treats the mesh as, in words; None for other methods
-    error: str | None
-    treated_as: str | None
+    detected: dict[str, str | None]  # as in `KnownSteps`
 
 
 @dataclass
 class KnownSteps:
     """Results of a method on the whole and the coarse mesh, as for `run_with_controls`."""
 
-    whole: list[Vectors]
-    coarse: list[Vectors]
-    # error, treated_as: as in `StudioResult`
-    error: str | None = None
-    treated_as: str | None = None
+    whole: list[Vectors] = field(default_factory=list)
+    coarse: list[Vectors] = field(default_factory=list)
+    # what `detected_error` returns, in words, None for methods other than `auto`; empty if it was not called yet
+    detected: dict[str, str | None] = field(default_factory=dict)
 
 
 def packed_scene(scene: Mapping[str, Any], *, faces: int | None = None) -> bytes:
@@ -89,14 +86,6 @@ class Coarse(NamedTuple):
                 length, in_edges = parsed_length(name, found[name])
                 found[name] = length * whole.mean_edge_length if in_edges else length
         return cast(Controls, found)
-
-
-def coarse(mesh: Mesh) -> Coarse | None:
-    """Return a coarse mesh for previews; None if the mesh is small enough itself."""
-    if len(mesh.faces) <= 2 * COARSE:
-        return None
-    shown = decimated(mesh, most=COARSE)
-    return Coarse(Mesh(mesh.vertices[shown.kept_vertices], shown.faces), shown)
 
 
 class Workbench:
@@ -130,8 +119,11 @@ class Workbench:
 
     @cached_property
     def coarse(self) -> Coarse | None:
-        """The mesh of the previews; None for a small mesh."""
-        return coarse(self.mesh)
+        """The mesh of the previews; None if the mesh is small enough itself."""
+        if len(self.mesh.faces) <= 2 * COARSE:
+            return None
+        shown = decimated(self.mesh, most=COARSE)
+        return Coarse(Mesh(self.mesh.vertices[shown.kept_vertices], shown.faces), shown)
 
     def about(self) -> dict[str, Any]:
         """Return the properties of the file that the page shows, and its scene."""
@@ -165,8 +157,7 @@ class Workbench:
         after = self.file.with_vertices(result.vertices)
         moved = int((result.vertices != self.mesh.vertices).any(axis=1).sum())
         both = self.scenes.with_result(Given("after", self.target, after), result.vertices)
-        about = {"seconds": result.seconds, "error": result.error, "treated_as": result.treated_as}
-        return {**about, "moved": moved, "scene": packed_scene(both)}
+        return {"seconds": result.seconds, **result.detected, "moved": moved, "scene": packed_scene(both)}
 
     def asked(self, settings: dict[str, Any]) -> Chosen:
         """Return the settings with controls as arrays over the mesh, including the paint."""
@@ -185,10 +176,10 @@ class Workbench:
             watch = Stopwatch()
             applied, steps = self._controlled(asked, listener), self._steps_of(asked)
             seconds = watch.seconds()
-            if applied.denoised is not None:
-                for name, found in detected_error(asked.method, applied, asked.parameters).items():
-                    setattr(steps, name, None if found is None else str(found))
-            known = StudioResult(applied.vertices, seconds, steps.error, steps.treated_as)
+            if applied.denoised is not None or not steps.detected:
+                found = detected_error(asked.method, applied, asked.parameters)
+                steps.detected = {name: None if kind is None else str(kind) for name, kind in found.items()}
+            known = StudioResult(applied.vertices, seconds, steps.detected)
         self._results[key] = known
         if len(self._results) > KEPT:
             del self._results[next(iter(self._results))]
@@ -221,5 +212,5 @@ class Workbench:
             self._steps_key, self._steps = key, {}
         step = step_key(asked.method, asked.controls["strength"])
         if step not in self._steps:
-            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: KnownSteps([], [])}
+            self._steps = {one: steps for one, steps in self._steps.items() if one == 1.0} | {step: KnownSteps()}
         return self._steps[step]
