@@ -30,7 +30,6 @@ from cascadenorm.io import is_mesh_name
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import find_pairs
 from cascadenorm.mesh import Mesh, angles_between, in_frame
-from cascadenorm.mesh.welding import repeats
 
 NOISY = "noisy"
 METHODS = ("auto",)
@@ -138,8 +137,7 @@ def change(before: Mesh, after: Mesh) -> Change:
 
 
 def _crossing(mesh: Mesh) -> np.ndarray:
-    small, _ = in_frame(mesh)
-    return crossing_faces(small, repeats(small.vertices)[1])
+    return crossing_faces(in_frame(mesh)[0])
 
 
 def table(figures: results.Figures) -> str:

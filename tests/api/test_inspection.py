@@ -180,7 +180,7 @@ def test_copies_of_faces_and_vertices():
 @pytest.mark.parametrize("shift", [(1.0, 0, 0), (0.3, 0.5, 0.7)])
 def test_balls_that_overlap_cross_along_a_curve(shift):
     two = together(icosphere(3), icosphere(3).moved(icosphere(3).vertices + shift))
-    crossing = crossing_faces(two, np.arange(len(two.vertices)))
+    crossing = crossing_faces(two)
     heights = np.linalg.norm(two.corners - shift, axis=2) * np.linalg.norm(two.corners, axis=2)
     near = (heights.min(axis=1) < 1) & (heights.max(axis=1) > 1)  # on the curve both distances are 1
     assert crossing[:1280].sum() > 30 and crossing[1280:].sum() > 30
@@ -201,9 +201,8 @@ def test_triangles_cross_or_touch():
     }
     for name, (other, cross) in cases.items():
         mesh = Mesh(np.array(flat + other, float), [[0, 1, 2], [3, 4, 5]])
-        places = np.array([0, 1, 2, 0 if name.startswith("a shared") else 3, 4, 5])
         for scale in (1.0, 1e-6):
-            found = crossing_faces(mesh.moved(mesh.vertices * scale), places)
+            found = crossing_faces(mesh.moved(mesh.vertices * scale))
             assert found.tolist() == [cross, cross], name
 
 

@@ -13,6 +13,7 @@ from cascadenorm.mesh import (
     Vectors,
     kernel,
     parallel_for,
+    repeats,
     repeats_vertex,
 )
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
@@ -21,14 +22,13 @@ MOST_NEAR = 1000  # maximum number of faces that are tested against one face
 DETERMINANT_ROUNDING = 1e-14  # determinants below this share of the product of the edge lengths count as zero
 
 
-def crossing_faces(mesh: Mesh, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+def crossing_faces(mesh: Mesh) -> NDArray[np.bool_]:
     """Return (m,) which faces cross another: an edge of one passes through the interior or the boundary of the other.
 
     Faces that only touch do not count, nor do coplanar overlapping faces and faces that share two vertices or
-    positions. The places, (n,), are equal for vertices at the same position; faces that meet there only touch, even
-    without a shared vertex. At most a thousand nearby faces are tested per face.
+    positions. Vertices at the same position count as one. At most a thousand nearby faces are tested per face.
     """
-    crossing = np.zeros(len(mesh.faces), bool)
+    crossing, places = np.zeros(len(mesh.faces), bool), repeats(mesh.vertices)[1]
     proper = np.flatnonzero(~repeats_vertex(places[mesh.faces]))
     if len(proper):
         surface = SurfaceTree(Mesh(mesh.vertices, mesh.faces[proper]))

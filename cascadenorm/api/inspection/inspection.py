@@ -235,7 +235,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
     parts = enclosed(small, pinched)
     flat, thin = thin_faces(small)
     looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
-    crossing = crossing_faces(small, repeats(small.vertices)[1]) if looks else None
+    crossing = crossing_faces(small) if looks else None
     every = np.arange(len(mesh.faces))
     lower, upper = mesh.box
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
@@ -318,7 +318,7 @@ def _crossing_count(small: Mesh) -> int | None:
     """Count the crossing faces of a mesh in its frame; None for more than MOST_FACES_CROSSED faces."""
     if len(small.faces) > MOST_FACES_CROSSED:
         return None
-    return int(crossing_faces(small, repeats(small.vertices)[1]).sum())
+    return int(crossing_faces(small).sum())
 
 
 def _spikes_and_folds(small: Mesh) -> dict[str, int]:
