@@ -5,7 +5,7 @@ few values of the whole mesh, which `Whole` holds, and on the mesh within its re
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -144,12 +144,8 @@ class Whole:
         near = steps_from(Topology(every.astype(np.int32), len(chosen)), chosen, rings) <= rings
         mine = near[every].all(axis=1)
         vertices = np.flatnonzero(near)
-        numbers = np.full(len(near), -1, np.int32)
-        numbers[vertices] = np.arange(len(vertices), dtype=np.int32)
-        part = Whole(
-            self.frame, self.mean_edge_length, self.groups, self.group[vertices], self.around[vertices],
-            self.flipped[mine],
-        )  # fmt: skip
+        numbers = np.cumsum(near, dtype=np.int32) - 1
+        part = replace(self, group=self.group[vertices], around=self.around[vertices], flipped=self.flipped[mine])
         return Patch(vertices, numbers[every[mine]], Halo(~chosen[vertices], part))
 
 
