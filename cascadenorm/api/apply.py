@@ -47,11 +47,11 @@ from cascadenorm.registry.controls import CONTROLS, Controls
 
 Step = Callable[[Mesh], Vectors]
 """One application of a method and its controls, mapping a mesh to its new vertices."""
-Note = Callable[[Callable[[], Vectors]], None]
-"""Receiver of the vertices that a method returned, which are computed only if they are wanted."""
+Note = Callable[[Vectors], None]
+"""Receiver of the vertices that a method returned."""
 
 JUDGING_METHOD = "auto"
-"""Method whose displacements tell the kind of error of a mesh."""
+"""Method whose displacements tell the kind of error of a mesh; it converges, so that it is applied only once."""
 
 
 class Applied(NamedTuple):
@@ -128,11 +128,7 @@ def run_with_controls(
     with one_blas_thread(), report_to(controls["progress"]):
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
         denoised = list[Vectors]()
-
-        def note(vertices: Callable[[], Vectors]) -> None:
-            if method.name == JUDGING_METHOD and not denoised:
-                denoised.append(vertices())
-
+        note = denoised.append if method.name == JUDGING_METHOD else None
         step = _step(StepSettings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
@@ -220,11 +216,11 @@ class StepSettings(NamedTuple):
         return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
-def _step(settings: StepSettings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note) -> Step:
+def _step(settings: StepSettings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note | None) -> Step:
     """Return the step that applies the method together with creases, boundary and detail to meshes with these faces.
 
     If regions share walls, the step runs on the shells of the regions, `parts`, and then joins the walls from their two
-    sides. `note` is called after the method, before the other controls.
+    sides. `note`, if given, is called after the method, before the other controls.
     """
     creases = cast("float | ArrayLike | None", settings.controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -233,10 +229,8 @@ def _step(settings: StepSettings, mesh: Mesh, order: Renumbered, parts: Shells |
     edges = None if edges is None else parts.of_edges(mesh, edges)
     numbers = order.numbers[parts.owners]
 
-    def note_joined(vertices: Callable[[], Vectors]) -> None:
-        note(lambda: joined_walls(parts, mesh, vertices()))
-
-    each = _surface_step(settings.on_copies(parts.owners), parts.mesh, numbers, edges, note_joined)
+    joined_note = None if note is None else lambda vertices: note(joined_walls(parts, mesh, vertices))
+    each = _surface_step(settings.on_copies(parts.owners), parts.mesh, numbers, edges, joined_note)
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
 
 
@@ -245,7 +239,7 @@ def _surface_step(
     mesh: Mesh,
     numbers: Ints,
     creases: NDArray[np.bool_] | None,
-    note: Note,
+    note: Note | None,
 ) -> Step:
     """Return the step for a mesh without shared walls.
 
@@ -267,8 +261,8 @@ def _surface_step(
     def step(mesh: Mesh) -> Vectors:
         seen = mesh if sides is None else sides.of(mesh)
         vertices = _finite(method, apply_method(method, parameters, settings.remove_detail, seen), numbers)
-        result = vertices
-        note(lambda: result if sides is None else sides.joined(mesh, result))
+        if note is not None:
+            note(vertices if sides is None else sides.joined(mesh, vertices))
         for removal in settings.removals:
             vertices = without_detail(removal, seen, vertices)
         if edges is not None:
