@@ -22,17 +22,20 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
     if controls["mask"] is not None:
         weights *= _mask(np.asarray(controls["mask"]), count)
     if controls["fixed"] is not None:
-        weights[_indices("fixed", np.asarray(controls["fixed"]), count, "vertex", "vertices")] = 0.0
+        weights[fixed_vertices(controls["fixed"], count)] = 0.0
     if controls["only"] is not None:
         weights[faces[~selected_faces(controls["only"], len(faces))]] = 0.0
     return weights
 
 
+def fixed_vertices(fixed: Any, count: int) -> NDArray[np.bool_]:
+    """Return (count,) bool for vertices fixed by indices or by (count,) bool; refuse other selections."""
+    return _selected("fixed", np.asarray(fixed), count, "vertex", "vertices")
+
+
 def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
     """Return (count,) bool for faces selected by indices or by (count,) bool; refuse other selections."""
-    selected = np.zeros(count, bool)
-    selected[_indices("only", np.asarray(only), count, "face", "faces")] = True
-    return selected
+    return _selected("only", np.asarray(only), count, "face", "faces")
 
 
 def _mask(mask: NDArray[Any], count: int) -> NDArray[Any]:
@@ -51,8 +54,7 @@ def _mask(mask: NDArray[Any], count: int) -> NDArray[Any]:
     return mask
 
 
-def _indices(name: str, given: NDArray[Any], count: int, one: str, several: str) -> NDArray[Any]:
-    """Check vertices or faces given by indices or by (count,) bool, and return them as a numpy index."""
+def _selected(name: str, given: NDArray[Any], count: int, one: str, several: str) -> NDArray[np.bool_]:
     if given.dtype == bool and given.shape == (count,):
         return given
     if given.ndim != 1 or (given.dtype.kind not in "iu" and given.size > 0):
@@ -65,4 +67,6 @@ def _indices(name: str, given: NDArray[Any], count: int, one: str, several: str)
         raise ParameterError(
             f"references {one} {given[bad][0]}; there are {count} {several}, counted from 0", parameter=name
         )
-    return given.astype(np.int64)
+    selected = np.zeros(count, bool)
+    selected[given.astype(np.int64)] = True
+    return selected

@@ -125,6 +125,15 @@ def test_files_go_beside_their_sources_and_are_not_overwritten(halves, tmp_path)
         cn.denoise_region_files(names, names[0], method="mean-normal")
 
 
+@pytest.mark.parametrize("fixed", [[10**6], [-1], [0.5], np.ones(3, bool)])
+def test_vertices_that_a_region_does_not_have_are_refused(halves, tmp_path, fixed):
+    names = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for name, mesh in zip(names, halves[1:3], strict=True):
+        save_mesh(name, mesh)
+    with pytest.raises(cn.ParameterError, match=r"fixed (references vertex|has shape)"):
+        cn.denoise_region_files(names, method="laplacian", fixed=fixed)
+
+
 def test_coincident_vertices_of_one_mesh_stay_two():
     twice = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, -1, 0)], [(0, 1, 2), (3, 4, 1)])
     far = Mesh([(5, 0, 0), (6, 0, 0), (5, 1, 0)], [(0, 1, 2)])

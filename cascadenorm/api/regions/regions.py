@@ -15,9 +15,10 @@ from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
+from cascadenorm.controls.weights import fixed_vertices
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.atomic import make_folder
-from cascadenorm.mesh import Bools, Ints, Mesh, connected_components, first_of_each, limit_threads
+from cascadenorm.mesh import Ints, Mesh, connected_components, first_of_each, limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
 
@@ -179,21 +180,14 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     if one["mask"] is not None:
         one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
     if one["fixed"] is not None:
-        one["fixed"] = np.concatenate([_as_mask(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
+        one["fixed"] = np.concatenate([fixed_vertices(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
     if one["only"] is not None:
-        one["only"] = np.concatenate([_as_mask(r.controls["only"], len(r.mesh.faces)) for r in regions])
+        one["only"] = np.concatenate([np.asarray(region.controls["only"]) for region in regions])
     if np.ndim(cast(ArrayLike, one["creases"])):
         starts = np.cumsum([0, *(len(region.mesh.vertices) for region in regions)])
         pairs = [np.asarray(r.controls["creases"]) + start for r, start in zip(regions, starts, strict=False)]
         one["creases"] = np.concatenate(pairs)
     return one
-
-
-def _as_mask(given: Any, count: int) -> Bools:
-    """Return (count,) bool for a selection given as bool or as indices."""
-    chosen = np.zeros(count, bool)
-    chosen[np.asarray(given)] = True
-    return chosen
 
 
 def coincident_vertices(meshes: Sequence[Mesh]) -> tuple[Ints, Ints]:
