@@ -70,16 +70,13 @@ class Settled:
 
     def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._seconds, self._clock = seconds, clock
-        self._seen: dict[str, tuple[Job, float]] = {}
+        self._since: dict[Job, float] = {}  # time at which each file was first seen in its present state
         self._taken: set[Job] = set()
 
     def take(self, jobs: Sequence[Job]) -> list[Job]:
         """Return the existing files that have settled, each only once until it changes again."""
         now = self._clock()
-        self._seen = {
-            job.source: (job, self._seen[job.source][1] if self._seen.get(job.source, (None,))[0] == job else now)
-            for job in jobs
-        }
-        settled = [job for job, since in self._seen.values() if now - since >= self._seconds and job not in self._taken]
+        self._since = {job: self._since.get(job, now) for job in jobs}
+        settled = [job for job in jobs if now - self._since[job] >= self._seconds and job not in self._taken]
         self._taken.update(settled)
         return settled
