@@ -148,8 +148,7 @@ def _regions(walls: int, votes: dict[Pattern, float]) -> tuple[Ints, set[Pattern
     sides = [[side] for side in range(2 * walls)]  # sides of each region
     followed = set()
     for pattern in sorted(votes, key=lambda p: (-votes[p], p)):
-        wedges = [tuple(region[[one, other]].tolist()) for one, other in _wedges(pattern)]
-        if any(not set(region[np.array(sides[one]) ^ 1].tolist()).isdisjoint([other]) for one, other in wedges):
+        if any(region[other] in region[np.array(sides[region[one]]) ^ 1] for one, other in _wedges(pattern)):
             continue
         followed.add(pattern)
         for one, other in _wedges(pattern):
