@@ -38,12 +38,13 @@ CROP = 0.22
 
 
 class _Shown(NamedTuple):
-    """The meshes of a pair by method, and the true mesh."""
+    """The meshes of a pair by method with the errors of their faces, and the true mesh."""
 
     pair: FilePair
     results: list[RunResult]
     meshes: list[Mesh]
     clean: Mesh
+    angles: list[NDArray[np.float64]]  # angle between each face normal and the true one; NaN where it is unknown
 
 
 def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
@@ -111,21 +112,17 @@ def _shown(done: Evaluation, pair: FilePair) -> _Shown:
     assert done.records is not None
     results = [result for result in done.results if result.pair == pair.name]
     meshes = [as_mesh(done.records.mesh_file(pair.name, result.method)) for result in results]
-    return _Shown(pair, results, meshes, as_mesh(pair.clean))
+    clean = as_mesh(pair.clean)
+    return _Shown(pair, results, meshes, clean, [errors(*scaled_alike(mesh, clean)).angles for mesh in meshes])
 
 
 def _pair_sections(shown: _Shown) -> list[tuple[str, str]]:
     """Return the measures of a pair and the distribution of its errors."""
-    rows = {one.method: _angles(mesh, shown.clean) for one, mesh in zip(shown.results, shown.meshes, strict=True)}
+    rows = {one.method: found[~np.isnan(found)] for one, found in zip(shown.results, shown.angles, strict=True)}
     measured = tables.method_table(shown.results, "Measures")
     title = "Angles of all faces: median, quartiles, and 5th to 95th percentile"
     plot = box_plot(rows, title=title, label="angle between face normal and the true one (°)")
     return [("Measures", _table(measured)), ("Angle between the face normals and the true ones", plot)]
-
-
-def _angles(mesh: Mesh, clean: Mesh) -> NDArray[np.float64]:
-    found = errors(*scaled_alike(mesh, clean)).angles
-    return found[~np.isnan(found)]
 
 
 def _figure(shown: _Shown, about: str) -> str:
@@ -146,14 +143,13 @@ def _worst_part(shown: _Shown, camera: Camera) -> tuple[float, float, float]:
     """Return the part of the picture with the largest error, summed over the visible faces of all methods."""
     cells = int(1 / CROP * 2)
     total = np.zeros((cells, cells))
-    denoised = shown.meshes[1:] or shown.meshes
+    measured = list(zip(shown.meshes, shown.angles, strict=True))
     half = MARGIN * max(camera.reach)
-    for mesh in denoised:
-        angles = np.nan_to_num(errors(*scaled_alike(mesh, shown.clean)).angles)
+    for mesh, angles in measured[1:] or measured:
         facing = mesh.face_normals @ camera.axes[2] > 0.2
         x, y = (projected(camera.framed(mesh.centroids), camera.perspective)[:, :2] / half).T
         places = [np.clip(((1 + along) / 2 * cells).astype(int), 0, cells - 1) for along in (x, -y)]
-        weights = np.where(facing, angles * mesh.areas / max(mesh.areas.sum(), 1e-300), 0.0)
+        weights = np.where(facing, np.nan_to_num(angles) * mesh.areas / max(mesh.areas.sum(), 1e-300), 0.0)
         np.add.at(total, (places[1], places[0]), weights)
     row, column = np.unravel_index(int(total.argmax()), total.shape)
     x, y = (float(np.clip((place + 0.5) / cells, CROP / 2, 1 - CROP / 2)) for place in (column, row))
