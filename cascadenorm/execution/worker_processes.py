@@ -8,7 +8,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from threading import Thread
@@ -114,23 +114,24 @@ def first_ready(workers: "Sequence[Worker[Sent, Received]]", seconds: float | No
     return closed or [worker for worker in workers if worker.link in ready]
 
 
+def received(link: Connection) -> Iterator[Any]:
+    """Yield the messages that arrive until the connection is closed."""
+    with suppress(EOFError, OSError):
+        while True:
+            yield link.recv()
+
+
 def do_jobs(link: Connection, work: Callable[[Item], Result]) -> None:
     """Process the jobs that arrive, each with its limit of threads for kernels, and send the results."""
     from cascadenorm.compute.threads import limit_threads, one_blas_thread  # loads numerical packages
 
     with ExitStack() as after_first:
-        limited = False
-        while True:
-            try:
-                job, threads = link.recv()
-            except (EOFError, OSError):
-                return
+        for number, (job, threads) in enumerate(received(link)):
             with limit_threads(threads):
                 result = work(job)
             link.send(result)
-            if not limited:  # all libraries are loaded by now; each limit takes about a millisecond
+            if number == 0:  # all libraries are loaded by now; each limit takes about a millisecond
                 after_first.enter_context(one_blas_thread())
-                limited = True
 
 
 def _run(link: Connection, serve: Callable[[Connection], object]) -> None:

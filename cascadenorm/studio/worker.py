@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from cascadenorm.errors import CascadenormError, OutputError, ParameterError, WorkerError
 from cascadenorm.execution.progress import Cancelled
-from cascadenorm.execution.worker_processes import Worker
+from cascadenorm.execution.worker_processes import Worker, received
 from cascadenorm.studio.names import setting_name
 
 INTERVAL = 0.1
@@ -86,11 +86,7 @@ def _serve(connection: Connection, oldest: Any) -> None:
     from cascadenorm.studio.requests import Requests  # here: the server starts without numerical packages
 
     requests = Requests()
-    while True:
-        try:
-            request = connection.recv()
-        except (EOFError, OSError):
-            return
+    for request in received(connection):
         connection.send(_reply(connection, oldest, request, requests.done))
 
 
