@@ -42,16 +42,19 @@ class GivenMesh(NamedTuple):
 
     def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
         """Locate vertices."""
-        return _found(int(bad.sum()), self.vertex_numbers[bad], self.counts_from)
+        return self._found(self.vertex_numbers[bad])
 
     def at_faces(self, bad: NDArray[np.bool_]) -> Found:
         """Locate faces; a polygon that was triangulated counts once and is listed once."""
-        places = np.unique(self.face_numbers[bad])
-        return _found(len(places), places, self.counts_from)
+        return self._found(np.unique(self.face_numbers[bad]))
 
     def at_edges(self, edges: NDArray[np.int32]) -> Found:
         """Locate edges by the numbers of their vertices."""
-        return _found(len(edges), self.vertex_numbers[edges], self.counts_from)
+        return self._found(self.vertex_numbers[edges])
+
+    def _found(self, places: NDArray[np.int64]) -> Found:
+        named: Sequence[Any] = (places[:PLACES] + self.counts_from).tolist()
+        return Found(len(places), tuple(tuple(place) if isinstance(place, list) else place for place in named))
 
 
 def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
@@ -93,8 +96,3 @@ def _given_file(file: io.MeshFile, name: str) -> GivenMesh:
         file_vertices=len(file.positions),
         mesh=mesh,
     )
-
-
-def _found(count: int, places: NDArray[Any], counts_from: int) -> Found:
-    named: Sequence[Any] = (places[:PLACES] + counts_from).tolist()
-    return Found(count, tuple(tuple(place) if isinstance(place, list) else place for place in named))
