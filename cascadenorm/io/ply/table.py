@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.ply.header import NAMES, PlyElement
+from cascadenorm.io.ply.header import NAMES, PlyElement, PlyProperty
 from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import blocks
 from cascadenorm.mesh.polygons import Polygons, ranges
@@ -29,6 +29,7 @@ class PropertyKind(NamedTuple):
 class PropertyColumn(NamedTuple):
     """The values of one property, row after row."""
 
+    declared: PlyProperty
     kind: np.dtype[Any]  # of the values
     offsets: range | NDArray[np.int64]  # byte offset of the first value of each row; a range if the steps are equal
     counts: int | NDArray[np.int64]  # number of values in each row; one number if they are equal
@@ -96,7 +97,7 @@ def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -
         return True
     assert isinstance(column.offsets, range)
     size, rows = kind.length.itemsize, column.offsets
-    lengths = PropertyColumn(kind.length, range(rows.start - size, rows.stop - size, rows.step), 1)
+    lengths = column._replace(kind=kind.length, offsets=range(rows.start - size, rows.stop - size, rows.step), counts=1)
     return bool((lengths.view(body) == column.counts).all())
 
 
@@ -124,8 +125,8 @@ def _walk(
             row_counts.append(count)
             at += size * count
     return [
-        PropertyColumn(kind.value, np.array(place, np.int64), 1 if kind.length is None else _joined(count))
-        for kind, place, count in zip(kinds, offsets, counts, strict=True)
+        PropertyColumn(p, kind.value, np.array(place, np.int64), 1 if kind.length is None else _joined(count))
+        for p, kind, place, count in zip(element.properties, kinds, offsets, counts, strict=True)
     ], at
 
 
