@@ -141,17 +141,11 @@ def _code(kind: np.dtype[Any]) -> str:
 
 def binary_rows(element: PlyElement, values: list[NDArray[Any]], byte_order: str) -> bytes:
     """Return additional binary rows of an element."""
-    lengths = [v.shape[1] for v in values]
-    kinds: list[Any] = []
-    for i, (p, length) in enumerate(zip(element.properties, lengths, strict=True)):
-        kinds += [(f"length {i}", byte_order + p.count_kind)] if p.count_kind else []
-        kinds += [(f"values {i}", byte_order + p.kind, (length,))]
-    rows = np.zeros(len(values[0]), kinds)
-    for i, (p, value) in enumerate(zip(element.properties, values, strict=True)):
-        rows[f"values {i}"] = value
-        if p.count_kind:
-            rows[f"length {i}"] = lengths[i]
-    return rows.tobytes()
+    columns: list[NDArray[Any]] = []
+    for p, value in zip(element.properties, values, strict=True):
+        columns += [np.full(len(value), value.shape[1], byte_order + p.count_kind)] if p.count_kind else []
+        columns += [value.astype(byte_order + p.kind)]
+    return _beside(columns).tobytes()
 
 
 def text_rows(element: PlyElement, values: list[NDArray[Any]]) -> list[bytes]:
