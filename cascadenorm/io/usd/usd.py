@@ -10,7 +10,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, joined
+from cascadenorm.io.shown import joined
 from cascadenorm.io.usd.layers import (
     CRATE,
     TEXT,
@@ -56,7 +56,8 @@ class UsdFile(MeshFile):
         )
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        return joined([Shown(mesh.points, mesh.polygons) for mesh in self._meshes])[:2]
+        whole = joined([Content(mesh.points, mesh.polygons) for mesh in self._meshes])
+        return whole.positions, whole.polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
         return [self._stored(self._moved())]

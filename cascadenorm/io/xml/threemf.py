@@ -15,7 +15,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import explained, unzipped
-from cascadenorm.io.shown import Matrix, Shown, joined, placements
+from cascadenorm.io.shown import Matrix, joined, placed, placements
 from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import Edit, as_short, digits_of, edited
 from cascadenorm.io.xml.documents import attribute_edits, parse, tree_of
@@ -137,8 +137,8 @@ class ThreemfFile(MeshFile):
         self._first = dict(zip(self._objects, np.cumsum([0, *sizes]).tolist(), strict=False))
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         digits = max(found.digits for found in objects)
-        positions, polygons, *_ = joined([Shown(found.vertices, found.polygons) for found in objects])
-        return as_short(positions, digits), polygons
+        whole = joined([Content(found.vertices, found.polygons) for found in objects])
+        return as_short(whole.positions, digits), whole.polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
         changed = self._changed
@@ -171,16 +171,16 @@ class ThreemfFile(MeshFile):
         build = self._models[self._root].build if self._root in self._models else []
         places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in self._objects]
         places = places or [(reference, np.eye(4)) for reference in self._objects]  # a library, or an empty build
-        shown = [self._shape(reference).placed(matrix) for reference, matrix in places]
+        shown = [placed(self._shape(reference), matrix) for reference, matrix in places]
         left_out = ["materials and colours"] if any(model.has_materials for model in self._models.values()) else []
         left_out += ["the unit"] if any(model.unit != "millimeter" for model in self._models.values()) else []
         if set(self._objects) - {reference for reference, _ in places}:
             left_out.append("objects that the build does not contain")
-        return Content(*joined(shown), left_out=tuple(left_out))
+        return joined(shown, left_out)
 
-    def _shape(self, reference: Reference) -> Shown:
+    def _shape(self, reference: Reference) -> Content:
         first, found = self._first[reference], self._objects[reference]
-        return Shown(self.positions[first : first + len(found.places)], found.polygons)
+        return Content(self.positions[first : first + len(found.places)], found.polygons)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
