@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
 from cascadenorm.api.api import denoise
 from cascadenorm.api.regions.regions import denoise_regions
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.interop import as_mesh
+from cascadenorm.io.polydata import vtk_array
 
 
 def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
@@ -79,7 +79,7 @@ def _array(setting: str, name: str, data: Any) -> NDArray[Any]:
             f"there are: {', '.join(filter(None, known)) or 'none'}",
             parameter=setting,
         )
-    return np.asarray(vtk_to_numpy(array))
+    return vtk_array(array)
 
 
 def _number(setting: str, text: str) -> float:

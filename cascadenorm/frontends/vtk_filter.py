@@ -9,15 +9,12 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.errors import CascadenormError
+from cascadenorm.execution.progress import Cancelled
 from cascadenorm.frontends.properties import setting_name, settings_of, with_properties
 from cascadenorm.frontends.vtk_data import denoised
 from cascadenorm.registry import find
 
 INPUT_TYPES = ("vtkPolyData", "vtkMultiBlockDataSet", "vtkPartitionedDataSetCollection", "vtkPartitionedDataSet")
-
-
-class _Aborted(Exception):
-    """An observer has aborted the execution."""
 
 
 @with_properties
@@ -77,7 +74,7 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
         self.error = None
         try:
             out.ShallowCopy(denoised(given, settings))
-        except _Aborted:
+        except Cancelled:
             out.Initialize()
         except CascadenormError as error:
             out.Initialize()
@@ -89,4 +86,4 @@ class DenoiseFilter(VTKPythonAlgorithmBase):
     def _progress(self, fraction: float) -> None:
         self.UpdateProgress(fraction)
         if self.GetAbortExecute():
-            raise _Aborted
+            raise Cancelled

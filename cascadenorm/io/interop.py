@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable
-from importlib import import_module
+from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -138,25 +138,20 @@ def _vtk_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     else:
         moved = mesh.NewInstance()
         moved.DeepCopy(mesh)
-    if len(vertices):
-        vtk_of = import_module("vtkmodules.util.numpy_support").numpy_to_vtk
-        moved.GetPoints().SetData(vtk_of(np.ascontiguousarray(vertices), deep=True))
     points, triangles = _vtk_arrays(mesh)
-    faces = np.repeat(np.arange(len(triangles))[:, None], 3, axis=1)
-    polydata.renew_vtk_normals(
-        moved, 0, triangles, faces, lambda values, corners: _renewed(values, corners, points, triangles, vertices)
-    )
+    renew = partial(_renewed, points, triangles, vertices)
+    polydata.move_polydata(moved, vertices, triangles, np.arange(len(triangles)), renew)
     return moved
 
 
 def _renewed(
-    values: NDArray[Any], corners: NDArray[Any], points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any]
-) -> NDArray[Any]:
-    """Return recomputed normals, in their stored type, for triangles that have moved from `points` to `vertices`."""
+    points: NDArray[Any], triangles: NDArray[Any], vertices: NDArray[Any], values: NDArray[Any], corners: NDArray[Any]
+) -> NDArray[np.float64]:
+    """Return recomputed normals for triangles that have moved from `points` to `vertices`."""
     faces = triangles.astype(np.int64)
     welds, _ = weld(points, faces)
     normals, _ = renewed_normals(Normals(values, corners.astype(np.int64)), faces, welds, points, vertices)
-    return normals.astype(values.dtype)
+    return normals
 
 
 def _open3d_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
@@ -179,16 +174,12 @@ def _meshio_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
 
 def _meshio_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
     moved = copy.deepcopy(mesh)
-    moved.points = vertices
     points, triangles = _meshio_arrays(mesh)
-
-    def renewed(values: Any, corners: NDArray[Any]) -> NDArray[Any]:
-        return _renewed(np.asarray(values), corners, points, triangles, vertices)
-
-    vtk.renew_meshio_normals(moved, triangles, np.arange(len(triangles)), renewed)
+    renew = partial(_renewed, points, triangles, vertices)
+    vtk.move_grid(moved, vertices, triangles, np.arange(len(triangles)), renew)
     if all(name in moved.point_data for name in ("nx", "ny", "nz")):  # names as in PLY
         stored = np.stack([moved.point_data[name] for name in ("nx", "ny", "nz")], axis=1)
-        moved.point_data.update(zip(("nx", "ny", "nz"), renewed(stored, triangles).T, strict=True))
+        moved.point_data.update(zip(("nx", "ny", "nz"), renew(stored, triangles).astype(stored.dtype).T, strict=True))
     return moved
 
 

@@ -2,7 +2,7 @@
 
 import re
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.vtk_sizes import check_legacy_counts, check_xml_arrays
-from cascadenorm.mesh.normals import NORMALS, Normals
+from cascadenorm.mesh.normals import NORMALS, Normals, RenewNormals
 from cascadenorm.mesh.polygons import Polygons
 
 COUNTS = re.compile(rb'NumberOf(?:Points|Verts|Lines|Strips|Polys)\s*=\s*["\'](\d{1,18})')
@@ -61,14 +61,10 @@ class PolyDataFile(MeshFile):
         return reader.GetOutput()
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        from vtkmodules.util.numpy_support import numpy_to_vtk
-
         surface = self._surface.NewInstance()
         surface.DeepCopy(self._surface)
-        surface.GetPoints().SetData(numpy_to_vtk(self.positions, deep=True))
-        first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()  # cells before the polygons
-        faces = np.repeat(self.triangle_polygons[:, None], 3, axis=1)
-        renew_vtk_normals(surface, first, self.triangles, faces, lambda *normals: self._renewed(Normals(*normals))[0])
+        triangles, owners = self.triangles, self.triangle_polygons
+        move_polydata(surface, self.positions, triangles, owners, lambda *normals: self._renewed(Normals(*normals))[0])
         return [self._written(surface)]
 
     def _written(self, surface: Any) -> bytes:
@@ -144,18 +140,20 @@ def vtk_array(array: Any) -> NDArray[Any]:
     return np.asarray(vtk_to_numpy(array))
 
 
-def renew_vtk_normals(
-    surface: Any,
-    first: int,
-    triangles: NDArray[Any],
-    faces: NDArray[Any],
-    renew: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
+def move_polydata(
+    surface: Any, positions: NDArray[Any], triangles: NDArray[Any], owners: NDArray[Any], renew: RenewNormals
 ) -> None:
-    """Recompute the normals of a vtkPolyData whose cells from `first` on are polygons, at the corners of its triangles.
+    """Replace the points of a vtkPolyData, and recompute its normals at the corners of its triangles.
 
-    `renew` converts normals and their index at each corner, the point in `triangles` or the polygon in `faces`.
+    `renew` converts normals and their index at each corner, the point in `triangles` or the polygon in `owners`.
     """
-    for data, begin, corners in ((surface.GetPointData(), 0, triangles), (surface.GetCellData(), first, faces)):
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    if len(positions):
+        surface.GetPoints().SetData(numpy_to_vtk(np.ascontiguousarray(positions), deep=True))
+    first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()  # cells before the polygons
+    polygons = np.repeat(owners[:, None], 3, axis=1)
+    for data, begin, corners in ((surface.GetPointData(), 0, triangles), (surface.GetCellData(), first, polygons)):
         arrays = [data.GetNormals(), *map(data.GetArray, NORMALS)]
         for array in {array.GetName(): array for array in arrays if array is not None}.values():
             if array.GetNumberOfComponents() == 3 and array.GetDataTypeAsString() in FLOATS:

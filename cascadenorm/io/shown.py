@@ -1,13 +1,14 @@
 """Join the meshes that a scene shows into one mesh."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
+from cascadenorm.io.content import Content
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh.polygons import Polygons, ranges
 
@@ -22,27 +23,20 @@ LARGEST_ENTRY = 1e30
 """Upper bound on the numbers of a transform."""
 
 
-class Shown(NamedTuple):
-    """A mesh as a scene shows it: positions, polygons, and the values of its vertices and faces."""
-
-    positions: NDArray[Any]
-    polygons: Polygons
-    vertex_values: NamedValues = MappingProxyType({})
-    face_values: NamedValues = MappingProxyType({})
-
-    def placed(self, matrix: Matrix) -> "Shown":
-        """Return the transformed mesh. A mirroring transform reverses the faces."""
-        if np.array_equal(matrix, np.eye(4)):
-            return self
-        mirrored = np.linalg.det(matrix[:3, :3]) < 0
-        return self._replace(
-            positions=self.positions @ matrix[:3, :3].T + matrix[:3, 3],
-            polygons=reversed_polygons(self.polygons)[0] if mirrored else self.polygons,
-        )
+def placed(mesh: Content, matrix: Matrix) -> Content:
+    """Return a transformed mesh. A mirroring transform reverses the faces."""
+    if np.array_equal(matrix, np.eye(4)):
+        return mesh
+    mirrored = np.linalg.det(matrix[:3, :3]) < 0
+    return replace(
+        mesh,
+        positions=mesh.positions @ matrix[:3, :3].T + matrix[:3, 3],
+        polygons=reversed_polygons(mesh.polygons)[0] if mirrored else mesh.polygons,
+    )
 
 
-def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, NamedValues, NamedValues]:
-    """Join meshes. Returns positions, polygons, and the vertex and face values that all of them have."""
+def joined(shown: Sequence[Content], left_out: Sequence[str] = ()) -> Content:
+    """Join meshes, with the values of vertices and faces that all of them have."""
     first = np.cumsum([0, *(len(mesh.positions) for mesh in shown)])
     none = np.zeros(0, np.int64)
     corners = []
@@ -50,11 +44,12 @@ def joined(shown: Sequence[Shown]) -> tuple[NDArray[Any], Polygons, NamedValues,
         bad = mesh.polygons.out_of_range(len(mesh.positions))  # not a vertex of another mesh
         corners.append(np.where(bad, -1, mesh.polygons.corners + start))
     counts = np.concatenate([none, *(mesh.polygons.counts for mesh in shown)])
-    return (
+    return Content(
         np.concatenate([np.zeros((0, 3), np.float32), *(mesh.positions for mesh in shown)]),
         Polygons.from_counts(counts, np.concatenate([none, *corners])),
         _common([mesh.vertex_values for mesh in shown]),
         _common([mesh.face_values for mesh in shown]),
+        tuple(left_out),
     )
 
 

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable
+from dataclasses import replace
 from io import BytesIO
 from typing import Any, cast
 from xml.etree.ElementTree import ParseError, iterparse
@@ -14,7 +15,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import CHANNELS, Content
 from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, joined
+from cascadenorm.io.shown import joined, placed
 from cascadenorm.mesh.polygons import Polygons
 
 TRIMESH_NEEDS = {
@@ -47,7 +48,8 @@ class TrimeshFile(MeshFile):
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])
         self.parts = np.repeat(np.arange(len(sizes)), sizes)
-        return joined([_shown(mesh) for mesh in self._meshes])[:2]
+        whole = joined([_content(mesh) for mesh in self._meshes])
+        return whole.positions, whole.polygons
 
     def _moved(self) -> "TrimeshFile":
         """Return a new file whose scene has the current positions."""
@@ -69,13 +71,13 @@ class TrimeshFile(MeshFile):
         shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
         check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
-        positions, polygons, *_ = joined([_shown(mesh).placed(matrix) for matrix, mesh in shown])
+        whole = joined([placed(_content(mesh), matrix) for matrix, mesh in shown])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}
         if kinds == {"vertex"}:
             colors = dict(zip(CHANNELS, np.concatenate([m.visual.vertex_colors for _, m in shown]).T, strict=True))
         left_out = ("materials and textures",) if kinds - {"vertex", None} else ()
-        return Content(positions, polygons, colors, left_out=left_out)
+        return replace(whole, vertex_values=colors, left_out=left_out)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -83,8 +85,8 @@ class TrimeshFile(MeshFile):
         raise OutputError(f"the format '{cls.format}' cannot be written: choose ply, obj or glb")
 
 
-def _shown(mesh: Any) -> Shown:
-    return Shown(np.asarray(mesh.vertices, np.float64), Polygons.from_rows(np.asarray(mesh.faces, np.int64)))
+def _content(mesh: Any) -> Content:
+    return Content(np.asarray(mesh.vertices, np.float64), Polygons.from_rows(np.asarray(mesh.faces, np.int64)))
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:

@@ -4,7 +4,7 @@ import copy
 import math
 import re
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import redirect_stderr
 from io import StringIO
 from pathlib import Path
@@ -18,7 +18,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion, limited_expansion
-from cascadenorm.mesh.normals import NORMALS, Normals
+from cascadenorm.mesh.normals import NORMALS, Normals, RenewNormals
 from cascadenorm.mesh.polygons import Polygons
 
 FACE_CELLS = ("triangle", "quad", "polygon")
@@ -47,15 +47,12 @@ class MeshioFile(MeshFile):
         other = sorted({block.type for block in self._grid.cells} - {*FACE_CELLS, *BESIDE})
         if other:
             raise ReadError(f"the file has cells of type {', '.join(other)}: extract the surface first")
-        blocks = [np.asarray(block.data, np.int64) for block in self._faces()]
+        blocks = [np.asarray(block.data, np.int64) for block in self._grid.cells if block.type in FACE_CELLS]
         counts = [np.full(len(block), block.shape[1]) for block in blocks]
         none = np.zeros(0, np.int64)
         corners = np.concatenate([none, *(block.ravel() for block in blocks)])
         kind = np.float32 if points.dtype == np.float32 else np.float64
         return points.astype(kind), Polygons.from_counts(np.concatenate([none, *counts]), corners)
-
-    def _faces(self) -> list[Any]:
-        return [block for block in self._grid.cells if block.type in FACE_CELLS]
 
     def _load(self) -> Any:
         import meshio
@@ -78,12 +75,8 @@ class MeshioFile(MeshFile):
 
     def _moved_pieces(self) -> Iterable[Piece]:
         grid = copy.deepcopy(self._grid)
-        grid.points = self.positions
-
-        def renew(values: NDArray[Any], corners: NDArray[Any]) -> NDArray[Any]:
-            return self._renewed(Normals(values, corners))[0].astype(values.dtype)
-
-        renew_meshio_normals(grid, self.triangles, self.triangle_polygons, renew)
+        triangles, owners = self.triangles, self.triangle_polygons
+        move_grid(grid, self.positions, triangles, owners, lambda *normals: self._renewed(Normals(*normals))[0])
         return [_written(grid, self.module, self.format, self._options())]
 
     def _options(self) -> dict[str, Any]:
@@ -180,21 +173,19 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
         return path.read_bytes()
 
 
-def renew_meshio_normals(
-    mesh: Any,
-    triangles: NDArray[Any],
-    owners: NDArray[Any],
-    renew: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]],
+def move_grid(
+    mesh: Any, positions: NDArray[Any], triangles: NDArray[Any], owners: NDArray[Any], renew: RenewNormals
 ) -> None:
-    """Recompute the normals of a meshio mesh, in place, at the corners of the triangles that its faces consist of.
+    """Replace the points of a meshio mesh, and recompute its normals at the corners of its triangles.
 
     `renew` converts normals and their index at each corner, the point in `triangles` or the face in `owners`.
     """
+    mesh.points = positions
     faces = [i for i, block in enumerate(mesh.cells) if block.type in FACE_CELLS]
     for name in NORMALS:
         values = mesh.point_data.get(name)
         if values is not None and np.shape(values) == np.shape(mesh.points):
-            mesh.point_data[name] = renew(np.asarray(values), triangles)
+            mesh.point_data[name] = renew(np.asarray(values), triangles).astype(np.asarray(values).dtype)
         blocks = mesh.cell_data.get(name)
         if blocks is not None and faces and all(np.ndim(blocks[i]) == 2 and np.shape(blocks[i])[1] == 3 for i in faces):
             stored = np.concatenate([np.asarray(blocks[i]) for i in faces])

@@ -1,5 +1,6 @@
 """Recomputation of the normals stored in a file after vertices have moved."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,9 @@ from cascadenorm.mesh.polygons import near_one
 from cascadenorm.mesh.vectors import area_vector, dot, row
 
 NORMALS = ("Normals", "normals")  # names of normal arrays in VTK
+
+RenewNormals = Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]]
+"""Function of normals and of their index at each triangle corner, as in `Normals`, that returns them recomputed."""
 
 UNUSED, SHARED = -1, -2  # placeholders for the vertex of a normal that no vertex, or more than one, uses
 

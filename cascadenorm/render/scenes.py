@@ -102,11 +102,9 @@ def scene(meshes: list[Mesh], names: Sequence[str], style: Style) -> Scene:
 
 def one_view(scene: Scene) -> list[Camera]:
     """Return the camera for each mesh."""
-    style, last = scene.style, scene.shown[-1]
-    camera = Camera.looking_at(last, direction=style.direction, up=style.up)
+    style, camera = scene.style, _looking_at(scene.shown[-1], scene.style)
     if style.target is None and style.distance is None:
-        alone = (Camera.looking_at(mesh, direction=style.direction, up=style.up) for mesh in scene.shown)
-        return [camera if camera.shows(mesh) else own for mesh, own in zip(scene.shown, alone, strict=True)]
+        return [camera if camera.shows(mesh) else _looking_at(mesh, style) for mesh in scene.shown]
     target = camera.center if style.target is None else np.asarray(style.target, float) / scene.unit
     if style.distance is None:
         camera = replace(camera, center=target)
@@ -118,13 +116,13 @@ def one_view(scene: Scene) -> list[Camera]:
 def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
     """Yield the cameras of all meshes for each frame of a turntable."""
     style, last = scene.style, scene.shown[-1]
-    camera = Camera.looking_at(last, direction=style.direction, up=style.up)
-    walks = []
-    for mesh in scene.shown:
-        alike = camera.shows(mesh)
-        start = camera if alike else Camera.looking_at(mesh, direction=style.direction, up=style.up)
-        walks.append(start.around(last if alike else mesh, count=FRAMES, up=style.up))
-    return zip(*walks, strict=True)
+    camera = _looking_at(last, style)
+    framed = [last if camera.shows(mesh) else mesh for mesh in scene.shown]
+    return zip(*(_looking_at(mesh, style).around(mesh, count=FRAMES, up=style.up) for mesh in framed), strict=True)
+
+
+def _looking_at(mesh: Mesh, style: Style) -> Camera:
+    return Camera.looking_at(mesh, direction=style.direction, up=style.up)
 
 
 def figure(scene: Scene, cameras: Sequence[Camera]) -> "Figure":

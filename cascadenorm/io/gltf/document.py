@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ReadError
 from cascadenorm.io.content import CHANNELS, Content, Look, channels
 from cascadenorm.io.gltf.accessors import Accessors, NewAccessors, Primitive
-from cascadenorm.io.shown import LARGEST_ENTRY, Matrix, Shown, joined
+from cascadenorm.io.shown import LARGEST_ENTRY, Matrix, joined, placed
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
@@ -87,22 +88,23 @@ def document_content(
     meshes = of_mesh.keys()
     places = [(mesh, matrix) for mesh, matrix in _instances(document) if mesh in meshes]
     places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes without a scene
-    placed = [(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
-    accessors.claim(sum(3 * len(shape.positions.at) + shape.triangles.size for shape, _ in placed))
-    shown = [_shown(shape, accessors, positions_of(shape)).placed(matrix) for shape, matrix in placed]
+    uses = [(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
+    accessors.claim(sum(3 * len(shape.positions.at) + shape.triangles.size for shape, _ in uses))
+    shown = [placed(_shown(shape, accessors, positions_of(shape)), matrix) for shape, matrix in uses]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
     if len(filled) < len(shapes):
         left_out.append("points and lines")
     if meshes - {mesh for mesh, _ in places}:
         left_out.append("meshes that the scene does not show")
-    positions, polygons, values, _ = joined(shown)
-    names = {name for shape, _ in placed for name in shape.attributes}
+    whole = joined(shown)
+    values = whole.vertex_values
+    names = {name for shape, _ in uses for name in shape.attributes}
     lost = {name for mesh in shown for name in mesh.vertex_values} - values.keys()
     kept = {"COLOR_0"} if "red" in values and not lost & {*CHANNELS} else set()
     kept |= {"TEXCOORD_0"} if "s" in values else set()
     left_out += [f"the attribute {name} of vertices" for name in sorted(names - kept - {"POSITION", "NORMAL"})]
     left_out += ["normals"] if "NORMAL" in names else []
-    return Content(positions, polygons, values, left_out=tuple(left_out))
+    return replace(whole, left_out=tuple(left_out))
 
 
 def _joined(shapes: list[Primitive]) -> list[Primitive]:
@@ -115,7 +117,7 @@ def _joined(shapes: list[Primitive]) -> list[Primitive]:
     ]
 
 
-def _shown(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> Shown:
+def _shown(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> Content:
     """Return a primitive with its colours and texture coordinates."""
     values, count = dict[str, NDArray[Any]](), len(positions)
     if "COLOR_0" in shape.attributes and len(colors := accessors.values(shape.attributes["COLOR_0"])) == count:
@@ -123,7 +125,7 @@ def _shown(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> S
     texture = accessors.fractions(shape.attributes["TEXCOORD_0"]) if "TEXCOORD_0" in shape.attributes else None
     if texture is not None and len(texture) == count:
         values |= {"s": texture[:, 0], "t": 1 - texture[:, 1]}  # glTF counts from the top
-    return Shown(positions, Polygons.from_rows(shape.triangles), values)
+    return Content(positions, Polygons.from_rows(shape.triangles), values)
 
 
 def _instances(document: dict[str, Any]) -> list[tuple[int, Matrix]]:

@@ -3,7 +3,8 @@
 import copy
 import struct
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,21 @@ COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh
 would not change what is shown."""
 
 
+def _said(error: Exception) -> str:
+    """Describe an error that an entry of a document caused, which may have any type."""
+    if isinstance(error, KeyError):
+        return f"the key or value {error} is missing or unknown"
+    if isinstance(error, IndexError):
+        return "a number refers to an entry that does not exist"
+    if isinstance(error, RecursionError):
+        return "its objects are nested too deeply"
+    return f"an entry has the wrong type or size ({error})" if isinstance(error, TypeError) else str(error)
+
+
+_explained = partial(explained, "the JSON of this file is not valid glTF 2", hint="export the file again", said=_said)
+"""Convert errors from documents of an unexpected form to ReadError."""
+
+
 class GltfFile(MeshFile):
     """A glTF document with any number of meshes, in JSON with embedded or separate buffers. Positions are float32."""
 
@@ -53,20 +69,16 @@ class GltfFile(MeshFile):
             document["buffers"][0]["uri"] = embedded(chunk)
         return [json_bytes(document)]
 
+    @_explained()
     def _parse(self) -> tuple[NDArray[np.float32], Polygons]:
-        text, chunk = self._unpacked()
-        with _explained():
-            self._document = parsed(text)
-            return self._parse_document(self._document, chunk)
-
-    def _parse_document(self, document: Any, chunk: Piece | None) -> tuple[NDArray[np.float32], Polygons]:
+        text, self._chunk = self._unpacked()
+        self._document = document = parsed(text)
         check_lists(document)
         extensions = [*document.get("extensionsRequired", []), *document.get("extensionsUsed", [])]
         used = [name for name in COMPRESSED if name in extensions]
         if used:
             raise ReadError(f"this glTF file is compressed ({used[0]}): export it without compression")
-        self._chunk = chunk
-        self._buffers = Buffers(document.get("buffers", []), chunk, self.folder)
+        self._buffers = Buffers(document.get("buffers", []), self._chunk, self.folder)
         self._accessors = Accessors(document, self._buffers, len(self.data))
         self._primitives = [
             self._primitive(mesh, number, primitive)
@@ -257,15 +269,15 @@ class GltfFile(MeshFile):
         names = {**images, **{relative_name(part.get("uri")): True for part in buffers}}
         return {name: needed for name, needed in names.items() if name is not None}
 
+    @_explained()
     def face_labels(self) -> list[Labels]:
         """Return the names of meshes and of materials."""
         sizes, labels = [len(p.triangles) for p in self._primitives], list[Labels]()
-        with _explained():
-            for kind, declared in ("mesh", "meshes"), ("material", "materials"):
-                parts = self._document.get(declared, [])
-                numbers = [getattr(p, kind) for p in self._primitives]
-                names = ["" if number is None else parts[number].get("name", "") for number in numbers]
-                labels.append(Labels.of_parts(kind, names, sizes))
+        for kind, declared in ("mesh", "meshes"), ("material", "materials"):
+            parts = self._document.get(declared, [])
+            numbers = [getattr(p, kind) for p in self._primitives]
+            names = ["" if number is None else parts[number].get("name", "") for number in numbers]
+            labels.append(Labels.of_parts(kind, names, sizes))
         return labels
 
     def repacked(self, kind: type[MeshFile]) -> MeshFile | None:
@@ -309,11 +321,11 @@ class GltfFile(MeshFile):
         text = json_bytes({**made.document, "buffers": buffers})
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
 
+    @_explained()
     def _read_content(self) -> Content:
-        with _explained():
-            return document_content(
-                self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
-            )
+        return document_content(
+            self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
+        )
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -357,23 +369,6 @@ def _declared_primitives(document: dict[str, Any]) -> Iterator[tuple[int, int, d
 def _stacked(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Concatenate parts, (m, 3) each. A single part is returned without a copy."""
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros((0, 3), np.int64), *parts])
-
-
-def _explained() -> AbstractContextManager[None]:
-    """Convert errors from documents of an unexpected form to ReadError."""
-    problem = "the JSON of this file is not valid glTF 2"
-    return explained(problem, hint="export the file again", said=_said)
-
-
-def _said(error: Exception) -> str:
-    """Describe an error that an entry of a document caused, which may have any type."""
-    if isinstance(error, KeyError):
-        return f"the key or value {error} is missing or unknown"
-    if isinstance(error, IndexError):
-        return "a number refers to an entry that does not exist"
-    if isinstance(error, RecursionError):
-        return "its objects are nested too deeply"
-    return f"an entry has the wrong type or size ({error})" if isinstance(error, TypeError) else str(error)
 
 
 def _container(chunks: Sequence[tuple[bytes, Piece]]) -> list[Piece]:

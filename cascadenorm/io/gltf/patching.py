@@ -14,8 +14,14 @@ COPIED = ("JOINTS_", "WEIGHTS_", "TANGENT")
 """Attributes that are copied from the nearest vertex, since their means would not be valid."""
 
 
-AttributeKey = tuple[str, int, str]
-"""An attribute of a primitive: its name, the number of its morph target or -1, and how it is stored."""
+class AttributeKey(NamedTuple):
+    """An attribute of a primitive, and how it is stored."""
+
+    name: str
+    target: int  # number of its morph target; -1 for none
+    component: int  # type of its numbers in glTF
+    type: str
+    normalized: bool
 
 
 class PatchedDocument:
@@ -74,10 +80,10 @@ class PatchedDocument:
             values = self._accessors.values(accessor)
             usual = values[local[local >= 0][:1]] if (local >= 0).any() else values[:1]
             part.values[key] = np.where((local >= 0)[:, None], values[local], usual)
-            if key[0].startswith("TEXCOORD_") and key[1] < 0:
+            if key.name.startswith("TEXCOORD_") and key.target < 0:
                 copies = [values[order[a:b]] for a, b in zip(first.tolist(), last.tolist(), strict=True)]
                 if any(not len(found) or (found != found[0]).any() for found in copies):
-                    part.seams.append(key[0])
+                    part.seams.append(key.name)
         return part
 
     def _attributes(self, number: int) -> dict[AttributeKey, int]:
@@ -85,14 +91,13 @@ class PatchedDocument:
         place = self._places[number]
         primitive = self._document["meshes"][place.mesh]["primitives"][place.number]
         plain = {name: a for name, a in primitive["attributes"].items() if name not in ("POSITION", "NORMAL")}
-        found = {(name, -1, self._stored(accessor)): accessor for name, accessor in plain.items()}
-        for target, attributes in enumerate(primitive.get("targets", [])):
-            found |= {(name, target, self._stored(accessor)): accessor for name, accessor in attributes.items()}
+        found: dict[AttributeKey, int] = {}
+        for target, attributes in enumerate([plain, *primitive.get("targets", [])], -1):
+            for name, accessor in attributes.items():
+                declared = self._document["accessors"][accessor]
+                stored = declared["componentType"], declared["type"], bool(declared.get("normalized"))
+                found[AttributeKey(name, target, *stored)] = accessor
         return found
-
-    def _stored(self, accessor: int) -> str:
-        declared = self._document["accessors"][accessor]
-        return f"{declared['componentType']} {declared['type']} {bool(declared.get('normalized'))}"
 
     def _blended(self, parts: list["_Part"]) -> dict[AttributeKey, NDArray[np.float64]]:
         """Return the values of additional vertices, (a, w), by attribute."""
@@ -103,10 +108,8 @@ class PatchedDocument:
                 table[part.own] = values
         found = {}
         for key, table in known.items():
-            name, _, stored = key
-            component, _, normalized = stored.split()
-            whole = int(component) != FLOAT and normalized == "False"
-            fill = self._patches.nearest if whole or name.startswith(COPIED) else self._patches.blended
+            whole = key.component != FLOAT and not key.normalized
+            fill = self._patches.nearest if whole or key.name.startswith(COPIED) else self._patches.blended
             found[key] = np.stack([fill(column) for column in table.T], axis=1)
         return found
 
@@ -121,18 +124,16 @@ class PatchedDocument:
             self._add_normals(made["attributes"], part, new, like["attributes"]["NORMAL"])
         targets: list[dict[str, int]] = [{} for _ in like.get("targets", [])]
         for key, values in part.values.items():
-            name, target, stored = key
-            component, _, normalized = stored.split()
-            kind = np.dtype(COMPONENT_TYPES[int(component)])
+            kind = np.dtype(COMPONENT_TYPES[key.component])
             filled = further[key][new]
             if kind.kind != "f":
                 filled = np.clip(np.rint(filled), np.iinfo(kind).min, np.iinfo(kind).max)
             number = self._added.add(
                 np.concatenate([values.astype(kind), filled.astype(kind)]),
-                normalized=normalized == "True",
-                bounds=target >= 0 and name == "POSITION",
+                normalized=key.normalized,
+                bounds=key.target >= 0 and key.name == "POSITION",
             )
-            (targets[target] if target >= 0 else made["attributes"])[name] = number
+            (targets[key.target] if key.target >= 0 else made["attributes"])[key.name] = number
         made["indices"] = self._added.add(part.corners.astype("<u4").reshape(-1, 1), indices=True)
         if targets:
             made["targets"] = targets

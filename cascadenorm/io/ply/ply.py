@@ -102,48 +102,46 @@ class PlyFile(MeshFile):
                 return _too_long(text, line, element)
         return None
 
-    def _property(self, element: str, name: str) -> PlyProperty | None:
-        found = [p for e in self.header.elements if e.name == element for p in e.properties if p.name == name]
-        return found[0] if found else None
+    @property
+    def _coordinate_kinds(self) -> list[str]:
+        """The types of x, y and z that the header declares."""
+        return [self._columns["vertex", name].declared.kind for name in XYZ]
 
-    def _read(self, element: str, names: Iterable[str]) -> NDArray[Any] | None:
+    def _read(self, element: str, names: tuple[str, ...]) -> NDArray[Any] | None:
         """Return the values of single-number properties side by side, or None if the file lacks one."""
-        properties = [self._property(element, name) for name in names]
-        if any(p is None or p.count_kind is not None for p in properties):
+        found = [self._columns[element, name] for name in names if (element, name) in self._columns]
+        if len(found) < len(names) or any(column.declared.count_kind is not None for column in found):
             return None
-        return np.stack([self._columns[element, p.name].read(self._body) for p in properties if p is not None], axis=1)
+        return np.stack([column.read(self._body) for column in found], axis=1)
 
     def _positions(self) -> NDArray[Any]:
         values = self._read("vertex", XYZ)
         if values is None:
             raise ReadError("the PLY header has no element 'vertex' with the properties x, y and z: this is not a mesh")
-        declared = {p.kind for name in XYZ if (p := self._property("vertex", name)) is not None}
-        if self._text is not None and declared == {"f4"}:  # a text may have more digits than its header declares
+        single = set(self._coordinate_kinds) == {"f4"}
+        if self._text is not None and single:  # a text may have more digits than its header declares
             words = np.concatenate([np.asarray(self._columns["vertex", name].offsets) // WORD for name in XYZ])
             return as_short(values.astype(np.float64), self._text.significant_digits(words))
-        return values.astype(np.float32 if declared == {"f4"} else np.float64)
+        return values.astype(np.float32 if single else np.float64)
 
     def _storable(self, positions: Positions) -> Positions:
         """Round the coordinates that the file stores in single precision next to double ones."""
-        single = [p is not None and p.kind == "f4" for p in (self._property("vertex", name) for name in XYZ)]
+        single = [kind == "f4" for kind in self._coordinate_kinds]
         if positions.dtype == np.float32 or self._text is not None or not any(single):
             return positions
         return np.where(single, positions.astype(np.float32), positions)
 
     def _polygons(self) -> Polygons:
         for name in CORNERS:
-            if ("face", name) in self._columns and len(self._columns["face", name].offsets):
-                column = self._columns["face", name]
-                counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
-                return Polygons.from_counts(counts, _whole(column.read(self._body)))
-            if ("tristrips", name) in self._columns:
-                column = self._columns["tristrips", name]
-                counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
-                return strips(counts, _whole(column.read(self._body)))
+            for element, made in (("face", Polygons.from_counts), ("tristrips", strips)):
+                column = self._columns.get((element, name))
+                if column is not None and (len(column.offsets) or element == "tristrips"):
+                    counts = np.broadcast_to(np.asarray(column.counts, np.int64), len(column.offsets))
+                    return made(counts, _whole(column.read(self._body)))
         return Polygons.from_rows(np.zeros((0, 3), np.int64))
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
+        if any(kind[0] != "f" for kind in self._coordinate_kinds):
             wider = PlyFile(self._widened())
             wider.positions = self.positions
             return wider.pieces()
@@ -167,14 +165,12 @@ class PlyFile(MeshFile):
         """Return the file with integer positions converted to double."""
         parts = []  # offsets, sizes and new bytes
         for name in XYZ:
-            declared = self._property("vertex", name)
-            assert declared is not None
-            if declared.kind[0] == "f":
+            column = self._columns["vertex", name]
+            if column.declared.kind[0] == "f":
                 continue
-            begin, stop = declared.place
+            begin, stop = column.declared.place
             parts.append((np.array([begin]), stop - begin, np.array([b"double"], "S8")))
             if self._text is None:
-                column = self._columns["vertex", name]
                 doubles = column.read(self._body).astype(self.header.byte_order + "f8")
                 parts.append((column.places(), column.kind.itemsize, doubles.view("S8")))
         place = np.concatenate([places for places, _, _ in parts])
@@ -191,10 +187,9 @@ class PlyFile(MeshFile):
         tables = []
         for element, names, values, chosen in replaced:
             for axis, name in enumerate(names):
-                declared = self._property(element, name)
-                assert declared is not None
-                words = np.asarray(self._columns[element, name].offsets)[chosen[:, axis]] // WORD
-                kind = np.float32 if declared.kind == "f4" and values.dtype != np.float64 else np.float64
+                column = self._columns[element, name]
+                words = np.asarray(column.offsets)[chosen[:, axis]] // WORD
+                kind = np.float32 if column.declared.kind == "f4" and values.dtype != np.float64 else np.float64
                 tables.append((words, values[chosen[:, axis], axis].astype(kind)))
         return replace_words(text, *tables)
 
@@ -205,7 +200,7 @@ class PlyFile(MeshFile):
         Other vertex values, and face values, are those of the nearest vertex or face. Lists other than the corners are
         empty. Raises OutputError if the integer type of the vertex indices is too small for the additional vertices.
         """
-        if any(p.kind[0] != "f" for name in XYZ if (p := self._property("vertex", name)) is not None):
+        if any(kind[0] != "f" for kind in self._coordinate_kinds):
             return PlyFile(self._widened(), self.folder).with_patches(patches)
         header, inserted = self.data[: self.header.length], []
         end_of_line = next(end for end in (b"\r\n", b"\n", b"\r") if end in header)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.ply.header import NAMES, PlyElement
+from cascadenorm.io.ply.header import NAMES, PlyElement, PlyProperty
 from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import blocks
 from cascadenorm.mesh.polygons import Polygons, ranges
@@ -29,6 +29,7 @@ class PropertyKind(NamedTuple):
 class PropertyColumn(NamedTuple):
     """The values of one property, row after row."""
 
+    declared: PlyProperty
     kind: np.dtype[Any]  # of the values
     offsets: range | NDArray[np.int64]  # byte offset of the first value of each row; a range if the steps are equal
     counts: int | NDArray[np.int64]  # number of values in each row; one number if they are equal
@@ -96,7 +97,7 @@ def _has_equal_lengths(column: PropertyColumn, kind: PropertyKind, body: Body) -
         return True
     assert isinstance(column.offsets, range)
     size, rows = kind.length.itemsize, column.offsets
-    lengths = PropertyColumn(kind.length, range(rows.start - size, rows.stop - size, rows.step), 1)
+    lengths = column._replace(kind=kind.length, offsets=range(rows.start - size, rows.stop - size, rows.step), counts=1)
     return bool((lengths.view(body) == column.counts).all())
 
 
@@ -124,8 +125,8 @@ def _walk(
             row_counts.append(count)
             at += size * count
     return [
-        PropertyColumn(kind.value, np.array(place, np.int64), 1 if kind.length is None else _joined(count))
-        for kind, place, count in zip(kinds, offsets, counts, strict=True)
+        PropertyColumn(p, kind.value, np.array(place, np.int64), 1 if kind.length is None else _joined(count))
+        for p, kind, place, count in zip(element.properties, kinds, offsets, counts, strict=True)
     ], at
 
 
@@ -140,17 +141,11 @@ def _code(kind: np.dtype[Any]) -> str:
 
 def binary_rows(element: PlyElement, values: list[NDArray[Any]], byte_order: str) -> bytes:
     """Return additional binary rows of an element."""
-    lengths = [v.shape[1] for v in values]
-    kinds: list[Any] = []
-    for i, (p, length) in enumerate(zip(element.properties, lengths, strict=True)):
-        kinds += [(f"length {i}", byte_order + p.count_kind)] if p.count_kind else []
-        kinds += [(f"values {i}", byte_order + p.kind, (length,))]
-    rows = np.zeros(len(values[0]), kinds)
-    for i, (p, value) in enumerate(zip(element.properties, values, strict=True)):
-        rows[f"values {i}"] = value
-        if p.count_kind:
-            rows[f"length {i}"] = lengths[i]
-    return rows.tobytes()
+    columns: list[NDArray[Any]] = []
+    for p, value in zip(element.properties, values, strict=True):
+        columns += [np.full(len(value), value.shape[1], byte_order + p.count_kind)] if p.count_kind else []
+        columns += [value.astype(byte_order + p.kind)]
+    return _beside(columns).tobytes()
 
 
 def text_rows(element: PlyElement, values: list[NDArray[Any]]) -> list[bytes]:

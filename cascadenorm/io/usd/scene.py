@@ -12,7 +12,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import NamedValues, Shown, joined, values_of_vertices
+from cascadenorm.io.shown import NamedValues, joined, placed, values_of_vertices
 from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outside
 from cascadenorm.io.usd.meshes import oriented_polygons
 from cascadenorm.mesh.polygons import Polygons
@@ -59,7 +59,7 @@ def _content(stage: Any, size: int) -> Content:
     cache = UsdGeom.XformCache()
     everything = list(stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
     prims = [prim for prim in everything if prim.IsA(UsdGeom.Mesh)]
-    shown: list[Shown] = []
+    shown: list[Content] = []
     taken = 0
     for prim in prims:
         mesh = _shown(UsdGeom.Mesh(prim), np.array(cache.GetLocalToWorldTransform(prim), float))
@@ -69,10 +69,10 @@ def _content(stage: Any, size: int) -> Content:
     kinds = {str(prim.GetTypeName()) for prim in everything}
     left_out = [what for kind, what in KEPT_ELSEWHERE.items() if kind in kinds]
     left_out += [what for name, what in METADATA.items() if stage.HasAuthoredMetadata(name)]
-    return Content(*joined(shown), left_out=tuple(left_out))
+    return joined(shown, left_out)
 
 
-def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
+def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Content:
     """Return a mesh transformed by its matrix, which applies to row vectors."""
     from pxr import Usd
 
@@ -85,7 +85,7 @@ def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Shown:
     reverses = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     polygons, places = oriented_polygons(counts, corners, reverses, path)
     vertex_values, face_values = _values(mesh, time, len(points), polygons, places)
-    return Shown(points, polygons, vertex_values, face_values).placed(matrix.T)
+    return placed(Content(points, polygons, vertex_values, face_values), matrix.T)
 
 
 def _values(

@@ -10,7 +10,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, joined
+from cascadenorm.io.shown import joined
 from cascadenorm.io.usd.layers import (
     CRATE,
     TEXT,
@@ -56,7 +56,8 @@ class UsdFile(MeshFile):
         )
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        return joined([Shown(mesh.points, mesh.polygons) for mesh in self._meshes])[:2]
+        whole = joined([Content(mesh.points, mesh.polygons) for mesh in self._meshes])
+        return whole.positions, whole.polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
         return [self._stored(self._moved())]
@@ -68,23 +69,20 @@ class UsdFile(MeshFile):
 
     def _moved(self) -> Layers:
         """Return copies of the layers in which points moved."""
-        changed = any_in_rows(self._changed)
-        moves = [changed[a:b].any() for a, b in zip(self._first[:-1], self._first[1:], strict=True)]
-        layers = {name: copied(self._layers[name]) for name in dict.fromkeys(mesh.layer for mesh in self._meshes)}
+        starts = self._first[1:-1]  # of all meshes but the first
+        changed, positions = (np.split(rows, starts) for rows in (any_in_rows(self._changed), self.positions))
+        moved = [(mesh, own) for mesh, own, new in zip(self._meshes, positions, changed, strict=True) if new.any()]
+        layers = {name: copied(self._layers[name]) for name in dict.fromkeys(mesh.layer for mesh, _ in moved)}
         with explained("OpenUSD cannot change this file", said=said), quiet():
-            for number, mesh in enumerate(self._meshes):
+            for mesh, points in moved:
                 prim = layers[mesh.layer].GetPrimAtPath(mesh.prim.path)
-                if not moves[number]:
-                    continue
-                points = self.positions[self._first[number] : self._first[number + 1]]
                 set_value(prim, "points", points)
                 finite = points[np.isfinite(points).all(axis=1)]
                 if np.shape(value(mesh.prim, "extent")) == (2, 3) and len(finite):
                     set_value(prim, "extent", np.stack(box_of(finite)))
             for name in USD_NORMALS:
                 self._renew_normals(layers, name)
-        kept = {mesh.layer for number, mesh in enumerate(self._meshes) if moves[number]}
-        return {name: layer for name, layer in layers.items() if name in kept}
+        return layers
 
     def _renew_normals(self, layers: Layers, name: str) -> None:
         """Replace the normals with one name that changed, in copies of the layers."""

@@ -10,7 +10,7 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Labels, Look, as_bytes
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import Shown, joined, placements, values_of_vertices
+from cascadenorm.io.shown import joined, placed, placements, values_of_vertices
 from cascadenorm.io.text.number_format import lines_of, replace_words
 from cascadenorm.io.text.text import Edit, Text, as_short, edited
 from cascadenorm.io.xml.collada_nodes import instances
@@ -193,20 +193,20 @@ class ColladaFile(MeshFile):
             )
 
         roots, inner = instances(self._root, self._by_id)
-        placed = placements(roots, inner, nbytes, len(self.data))
-        named = [(element.attributes.get("id", ""), matrix) for element, matrix in placed if element.name == "geometry"]
+        found = placements(roots, inner, nbytes, len(self.data))
+        named = [(element.attributes.get("id", ""), matrix) for element, matrix in found if element.name == "geometry"]
         places = [place for place in named if place[0] in of_geometry]
         places = places or [(id, np.eye(4)) for id in of_geometry]  # a library of geometries
-        shown = [self._shape(parts).placed(matrix) for id, matrix in places for parts in of_geometry[id].values()]
+        shown = [placed(self._shape(parts), matrix) for id, matrix in places for parts in of_geometry[id].values()]
         left_out = [what for library, what in KEPT_ELSEWHERE.items() if self._root.first(library) is not None]
         left_out += ["normals"] if any("NORMAL" in part.others for part in self._parts) else []
         left_out += ["the unit"] if self._root.first("asset", "unit") is not None else []
         left_out += ["the up axis"] if self._root.first("asset", "up_axis") is not None else []
         if set(of_geometry) - {id for id, _ in places}:
             left_out.append("meshes that the scene does not show")
-        return Content(*joined(shown), left_out=tuple(left_out))
+        return joined(shown, left_out)
 
-    def _shape(self, parts: list[Part]) -> Shown:
+    def _shape(self, parts: list[Part]) -> Content:
         """Return parts with the same positions as one mesh."""
         first, count = self._first[parts[0].positions], len(self._array(parts[0].positions).values)
         polygons = Polygons.from_counts(
@@ -222,7 +222,7 @@ class ColladaFile(MeshFile):
             found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
             if found is not None:
                 values |= dict(zip(names, (as_bytes(found) if semantic == "COLOR" else found).T, strict=False))
-        return Shown(self.positions[first : first + count], polygons, values)
+        return Content(self.positions[first : first + count], polygons, values)
 
     def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
         """Return the first `width` values of a semantic at the corners of a part, or None if a corner has none."""

@@ -15,10 +15,10 @@ from cascadenorm.errors import ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels
 from cascadenorm.io.libraries import explained, unzipped
-from cascadenorm.io.shown import Matrix, Shown, joined, placements
+from cascadenorm.io.shown import Matrix, joined, placed, placements
 from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import Edit, as_short, digits_of, edited
-from cascadenorm.io.xml.documents import attribute_edits, parse
+from cascadenorm.io.xml.documents import attribute_edits, parse, tree_of
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
@@ -124,27 +124,28 @@ class ThreemfFile(MeshFile):
         relations = files.pop(RELS, b"")
         self._models = {name: PrintModel(name, data) for name, data in files.items()}
         self._root = _root_of(relations, list(files))
-        self._objects = [
-            ((name, id), found)
+        self._objects = {
+            (name, id): found
             for name, model in self._models.items()
             for id, found in model.objects.items()
             if found.places and found.corners
-        ]
+        }
         if not self._objects:
             raise ReadError("there is no mesh in this 3mf file: export it again")
-        sizes = [len(found.places) for _, found in self._objects]
-        self._first = np.cumsum([0, *sizes])
+        objects = self._objects.values()
+        sizes = [len(found.places) for found in objects]
+        self._first = dict(zip(self._objects, np.cumsum([0, *sizes]).tolist(), strict=False))
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
-        digits = max(found.digits for _, found in self._objects)
-        positions, polygons, *_ = joined([Shown(found.vertices, found.polygons) for _, found in self._objects])
-        return as_short(positions, digits), polygons
+        digits = max(found.digits for found in objects)
+        whole = joined([Content(found.vertices, found.polygons) for found in objects])
+        return as_short(whole.positions, digits), whole.polygons
 
     def _moved_pieces(self) -> Iterable[Piece]:
         changed = self._changed
         moved = any_in_rows(changed)
         parts: dict[str, list[Edit]] = {}
-        for ((name, _), found), first in zip(self._objects, self._first, strict=False):
-            data, edits = self._models[name].data, parts.setdefault(name, [])
+        for (name, id), found in self._objects.items():
+            data, edits, first = self._models[name].data, parts.setdefault(name, []), self._first[name, id]
             rows = np.flatnonzero(moved[first : first + len(found.places)])
             words = rows_of(self.positions[first + rows])
             for row, row_words in zip(rows.tolist(), words, strict=False):
@@ -154,34 +155,32 @@ class ThreemfFile(MeshFile):
         return [_repacked(self.data, new)]
 
     def face_labels(self) -> list[Labels]:
-        objects = [found for _, found in self._objects]
+        objects = self._objects.values()
         return [Labels.of_parts("object", [one.name for one in objects], [len(one.polygons) for one in objects])]
 
     def _read_content(self) -> Content:
-        number = {reference: row for row, (reference, _) in enumerate(self._objects)}
-
         def inner(reference: Reference) -> list[Use]:
             model = self._models.get(reference[0])
             found = model.objects.get(reference[1]) if model else None
             return found.components if found else []
 
         def nbytes(reference: Reference) -> int:
-            found = self._objects[number[reference]][1] if reference in number else None
+            found = self._objects.get(reference)
             return 24 * (len(found.places) + len(found.polygons)) if found else 0
 
         build = self._models[self._root].build if self._root in self._models else []
-        places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in number]
-        places = places or [(reference, np.eye(4)) for reference in number]  # a library, or an empty build
-        shown = [self._shape(number[reference]).placed(matrix) for reference, matrix in places]
+        places = [use for use in placements(build, inner, nbytes, len(self.data)) if use[0] in self._objects]
+        places = places or [(reference, np.eye(4)) for reference in self._objects]  # a library, or an empty build
+        shown = [placed(self._shape(reference), matrix) for reference, matrix in places]
         left_out = ["materials and colours"] if any(model.has_materials for model in self._models.values()) else []
         left_out += ["the unit"] if any(model.unit != "millimeter" for model in self._models.values()) else []
-        if set(number) - {reference for reference, _ in places}:
+        if set(self._objects) - {reference for reference, _ in places}:
             left_out.append("objects that the build does not contain")
-        return Content(*joined(shown), left_out=tuple(left_out))
+        return joined(shown, left_out)
 
-    def _shape(self, row: int) -> Shown:
-        first, found = self._first[row], self._objects[row][1]
-        return Shown(self.positions[first : first + len(found.places)], found.polygons)
+    def _shape(self, reference: Reference) -> Content:
+        first, found = self._first[reference], self._objects[reference]
+        return Content(self.positions[first : first + len(found.places)], found.polygons)
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -201,16 +200,11 @@ class ThreemfFile(MeshFile):
 
 def _root_of(relations: bytes, names: list[str]) -> str:
     """Return the name of the model to be printed."""
-    found: list[str] = []
-
-    def start(_: str, attributes: dict[str, str], at: int) -> None:
-        if attributes.get("Type") == MODEL and "Target" in attributes:
-            found.append(posixpath.normpath(attributes["Target"].lstrip("/")))
-
-    if relations:
-        parse(relations, start, lambda name, at: None)
+    related = [element.attributes for element in tree_of(relations).within()] if relations else []
+    targets = [one["Target"] for one in related if one.get("Type") == MODEL and "Target" in one]
+    declared = [posixpath.normpath(target.lstrip("/")) for target in targets]
     usual = [name for name in names if name.lower() == "3d/3dmodel.model"]
-    return next(iter([*(name for name in found if name in names), *usual, *names]), "")
+    return next(iter([*(name for name in declared if name in names), *usual, *names]), "")
 
 
 def _repacked(data: bytes, new: dict[str, bytes]) -> bytes:
