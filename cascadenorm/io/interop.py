@@ -100,6 +100,8 @@ def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
 
 def is_stored(source: object) -> bool:
     """Whether a mesh is given as the path of a file or as a stream of its bytes."""
+    if hasattr(source, "points"):  # a meshio mesh, whose class has a method `read`
+        return False
     return isinstance(source, str | PathLike) or hasattr(source, "read")
 
 

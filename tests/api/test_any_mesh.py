@@ -23,7 +23,8 @@ def vertices_of(result):
     """The vertices of what `denoise` returns for a mesh of any kind."""
     if isinstance(result, np.ndarray):
         return result
-    return getattr(result, "mesh", result).vertices
+    mesh = getattr(result, "mesh", result)
+    return np.asarray(mesh.points if hasattr(mesh, "points") else mesh.vertices)
 
 
 def written(mesh, folder):
@@ -75,7 +76,7 @@ def test_each_public_function_is_in_one_of_the_tables():
     assert functions == FUNCTIONS.keys() | WITHOUT_MESH.keys() and not FUNCTIONS.keys() & WITHOUT_MESH.keys()
 
 
-@pytest.mark.parametrize("kind", ["trimesh", "pair", "list", "file"])
+@pytest.mark.parametrize("kind", ["trimesh", "meshio", "pyvista", "pair", "list", "file"])
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_a_mesh_of_any_kind_gives_the_same(name, kind, tmp_path):
     cn.write(MESH, tmp_path / "mesh.ply")
@@ -83,6 +84,8 @@ def test_a_mesh_of_any_kind_gives_the_same(name, kind, tmp_path):
     (tmp_path / "second").mkdir()
     given = {
         "trimesh": lambda: trimesh.Trimesh(MESH.vertices, MESH.faces, process=False),
+        "meshio": lambda: pytest.importorskip("meshio").Mesh(MESH.vertices, [("triangle", MESH.faces)]),
+        "pyvista": lambda: pytest.importorskip("pyvista").PolyData.from_regular_faces(MESH.vertices, MESH.faces),
         "pair": lambda: (MESH.vertices, MESH.faces),
         "list": lambda: [MESH.vertices.tolist(), MESH.faces.tolist()],
         "file": lambda: cn.read(tmp_path / "mesh.ply"),
