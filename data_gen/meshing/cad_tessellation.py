@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.outlines import Loop, chords, circle, rounded, sketch
-from cascadenorm.data_gen.meshing.polygon_triangulation import PolygonError, triangulated
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
+from cascadenorm.data_gen.meshing.polygon_triangulation import triangulated
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Floats, Mesh, unit
 
@@ -112,22 +112,15 @@ def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
     make = MAKERS[rng.integers(len(MAKERS))]
     seed = int(rng.integers(2**31))
     if faces is None:
-        return _finished(_made(make, seed, float(10 ** rng.uniform(-4, -2))), rng=rng)
+        return _finished(make(float(10 ** rng.uniform(-4, -2)), np.random.default_rng(seed)), rng=rng)
     tolerance = 1e-3
     for _ in range(8):
-        mesh = _made(make, seed, tolerance)
+        mesh = make(tolerance, np.random.default_rng(seed))
         ratio = len(mesh.faces) / faces
         if 0.7 <= ratio <= 1.4:
             return _finished(mesh, rng=rng)
         tolerance = min(max(tolerance * ratio**1.5, FINEST_TOLERANCE), ROUGHEST_TOLERANCE)
     raise UnfitShapeError("no chord tolerance gives so many faces")
-
-
-def _made(make: Maker, seed: int, tolerance: float) -> Mesh:
-    try:
-        return make(tolerance, np.random.default_rng(seed))
-    except PolygonError as error:
-        raise UnfitShapeError(str(error)) from error
 
 
 def _finished(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:

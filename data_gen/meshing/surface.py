@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.lattice import sample
-from cascadenorm.data_gen.meshing.polygonise import NoSurfaceError, dual_contouring, marching_cubes
+from cascadenorm.data_gen.meshing.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, part_of
@@ -34,10 +35,6 @@ class Extent(NamedTuple):
     def middle(self) -> Vectors:
         """Middle of the box."""
         return 0.5 * (self.lower + self.upper)
-
-
-class UnfitShapeError(ValueError):
-    """A random shape that is empty, not manifold, or otherwise invalid. Callers draw another one."""
 
 
 def extent_of(field: DistanceField, *, rng: np.random.Generator) -> Extent:
@@ -78,10 +75,7 @@ def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool
         open_boundary=extent.cut,
         rng=rng,
     )
-    try:
-        mesh = dual_contouring(field, lattice) if sharp else marching_cubes(field, lattice)
-    except NoSurfaceError as error:
-        raise UnfitShapeError(str(error)) from error
+    mesh = dual_contouring(field, lattice) if sharp else marching_cubes(field, lattice)
     return largest_components(untangled(mesh), share=0.02)
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.polygonise import onto_surface
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.volumes import (
     SMALLEST_COMPONENT,

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator, cg
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import grid, trilinear
 from cascadenorm.data_gen.meshing.polygonise import gradients, onto_surface
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.volumes import SMALLEST_COMPONENT, volume_surface
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.transform import Rotation
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.polygonise import gradients, off_nodes, onto_surface
-from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, disentangled
 from cascadenorm.data_gen.noise.sensor import camera_errors
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values

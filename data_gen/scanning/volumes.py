@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_direction, random_rotation
