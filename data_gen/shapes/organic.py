@@ -9,7 +9,6 @@ from cascadenorm.data_gen.shapes.fields import (
     DistanceField,
     Values,
     box,
-    complement,
     cylinder,
     difference,
     ellipsoid,
@@ -127,7 +126,7 @@ def bust(edge: float, rng: np.random.Generator) -> DistanceField:
     head = melted(skull, jaw, nose, brow, cheek, neck, radius=rng.uniform(0.05, 0.15))
     socket = moved(sphere(radius=rng.uniform(0.07, 0.12)), by=[apart, level, 0.92 * deep])
     eye = moved(sphere(radius=rng.uniform(0.07, 0.09)), by=[apart, level - 0.01, 0.82 * deep])
-    face = complement(melted(complement(head), socket, radius=0.06))
+    face = difference(head, socket, blend="melted", radius=0.06)
     lips = [limb([-0.001, y, 0.86 * deep], [0.12, y, 0.8 * deep], radii=(0.035, 0.02)) for y in (-0.36, -0.42)]
     ear = moved(torus(major=0.09, minor=0.03), by=[wide, 0, 0], rotation=random_rotation(rng=rng))
     whole = mirrored(melted(union(face, eye), *lips, ear, radius=0.03))
