@@ -4,7 +4,7 @@ The values are negative inside.
 """
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ def norm(vectors: NDArray[np.float64]) -> Values:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
-def computed(kernel: Callable[..., None], *parameters: NDArray[np.float64]) -> DistanceField:
+def computed(kernel: Callable[..., None], *parameters: Any) -> DistanceField:
     """Return the field whose values a kernel writes, from points and parameters."""
 
     def distance(points: Vectors) -> Values:
