@@ -103,6 +103,11 @@ def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Dist
     return computed(_tube, starts, axes, length2, thickness[: len(starts)], growth)
 
 
+def half_space(normal: Vectors, *, at: float) -> DistanceField:
+    """Return the half space behind the plane with a unit normal, (3,), at an offset from the origin."""
+    return lambda points: points @ normal - at
+
+
 def polytope(normals: Vectors, offsets: Values) -> DistanceField:
     """Return the intersection of half spaces with unit `normals`, each at its offset from the origin."""
     return computed(_polytope, normals, offsets)

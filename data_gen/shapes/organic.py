@@ -7,11 +7,12 @@ import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import (
     DistanceField,
-    Values,
     box,
     cylinder,
     difference,
     ellipsoid,
+    half_space,
+    intersection,
     limb,
     melted,
     pushed_out,
@@ -33,7 +34,6 @@ from cascadenorm.data_gen.shapes.placement import (
     twisted,
     warped,
 )
-from cascadenorm.mesh import Vectors
 
 
 def skin(body: DistanceField, *, finest: float, layers: int, rng: np.random.Generator) -> DistanceField:
@@ -190,17 +190,10 @@ def _ring(angle: float, rng: np.random.Generator) -> DistanceField:
 def rock(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return fractured stone: a lump cut by a few planes, with noise of many octaves."""
     body = _lump(rng)
-    cuts = [(random_direction(rng=rng), rng.uniform(0.3, 0.7)) for _ in range(rng.integers(0, 7))]
-
-    def broken(points: Vectors) -> Values:
-        values = body(points)
-        for normal, level in cuts:
-            np.maximum(values, points @ normal - level, out=values)
-        return values
-
+    cuts = [half_space(random_direction(rng=rng), at=rng.uniform(0.3, 0.7)) for _ in range(rng.integers(0, 7))]
     form: Form = rng.choice(["smooth", "ridged", "billowed"])
     grain = noise(wavelength=rng.uniform(0.3, 0.9), octaves=3, gain=rng.uniform(0.35, 0.55), form=form, rng=rng)
-    return pushed_out(broken, grain, amplitude=rng.uniform(0.01, 0.06))
+    return pushed_out(intersection(body, *cuts), grain, amplitude=rng.uniform(0.01, 0.06))
 
 
 def _gently_warped(body: DistanceField, rng: np.random.Generator) -> DistanceField:
