@@ -16,6 +16,7 @@ from cascadenorm.mesh import Mesh, Vectors, part_of
 HALF_SIDE = 1.6  # shapes are searched for in a cube with this half side
 JITTER = 0.2  # largest random displacement of the nodes of a lattice, relative to their spacing
 ROUGH = 0.09  # spacing of the coarse lattice of the first search
+SMALLEST_COMPONENT = 0.05  # smaller components of measured surfaces, relative to the largest one, are dropped
 
 
 class Extent(NamedTuple):
@@ -86,9 +87,10 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     return part_of(mesh, (counts >= share * counts.max())[label])[0]
 
 
-def disentangled(mesh: Mesh, *, share: float) -> Mesh:
+def disentangled(mesh: Mesh) -> Mesh:
     """Return the largest components of a surface as a manifold; see `largest_components` and `untangled`."""
-    return largest_components(untangled(largest_components(mesh, share=share)), share=share)
+    larger = untangled(largest_components(mesh, share=SMALLEST_COMPONENT))
+    return largest_components(larger, share=SMALLEST_COMPONENT)
 
 
 def fit(mesh: Mesh) -> Mesh:

@@ -110,7 +110,7 @@ def largest_sheets(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
     """Return the larger components of a sheet as a manifold."""
     if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("the view shows next to nothing")
-    return disentangled(Mesh(vertices, faces), share=0.05)
+    return disentangled(Mesh(vertices, faces))
 
 
 def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:
