@@ -1,6 +1,5 @@
-"""Filters on the manifold harmonics of a mesh: low pass, enhancement, exaggeration, any transfer function."""
+"""Filters on the manifold harmonics of a mesh: low pass, enhancement, exaggeration, any weights."""
 
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,8 +12,6 @@ from cascadenorm.registry import Parameter, ParameterError, method
 
 EXACT_LIMIT = 200_000  # vertices above which "auto" approximates the harmonics
 HARMONICS_COUNT = 300
-
-Transfer = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # from the (k,) eigenvalues to their (k,) weights
 
 
 @method("spectral", source="Vallet, Lévy 2008; Nasikun, Brandt, Hildebrandt 2018", family="smoothing")
@@ -71,16 +68,15 @@ def spectral(
     else:
         weights[band_start : end if transfer == "exaggerate" else count] = gain
         rest = gain if transfer == "enhance" else 1.0
-    return filtered(mesh, basis, lambda _: weights, rest=rest)
+    return filtered(mesh, basis, weights, rest=rest)
 
 
-def filtered(mesh: Mesh, harmonics: Harmonics, transfer: Transfer, *, rest: float = 1.0) -> Vectors:
-    """Return x' = Σ w(λ_i) <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i), (n, 3); vertices without a face stay.
+def filtered(mesh: Mesh, harmonics: Harmonics, weights: NDArray[np.float64], *, rest: float = 1.0) -> Vectors:
+    """Return x' = Σ w_i <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i), (n, 3); vertices without a face stay.
 
-    The transfer function w maps the (k,) eigenvalues to their weights: 1 keeps, 0 drops, more than 1 strengthens.
-    `rest` is the weight of what is above the k harmonics.
+    Of the weights of the harmonics, (k,), 1 keeps, 0 drops, and more than 1 strengthens. `rest` is the weight of what
+    is above the k harmonics.
     """
     coefficients = harmonics.coefficients(mesh.vertices)
-    weights = transfer(harmonics.values)[:, None] - rest
-    vertices = rest * mesh.vertices + harmonics.combined(weights * coefficients)
+    vertices = rest * mesh.vertices + harmonics.combined((weights[:, None] - rest) * coefficients)
     return np.where(harmonics.mass[:, None] > 0, vertices, mesh.vertices)

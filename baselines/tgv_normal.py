@@ -53,8 +53,7 @@ def tgv_normal(
     """
     normals = mesh.face_normals
     if rounds and len(mesh.topology.face_pairs):
-        variation = GeneralizedVariation(mesh, fidelity=fidelity, second_order=second_order)
-        normals = variation.least(normals, rounds=rounds).normals
+        normals = least_variation(mesh, fidelity=fidelity, second_order=second_order, rounds=rounds).normals
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
@@ -67,49 +66,44 @@ class TgvMinimum(NamedTuple):
     corner_duals: Vectors  # (c, 3) multipliers of E v; at a minimum their lengths are at most β
 
 
-class GeneralizedVariation:
-    """The energy of the formula of `tgv_normal` for a mesh with interior edges, lengths in mean edges.
+def least_variation(mesh: Mesh, *, fidelity: float, second_order: float, rounds: int) -> TgvMinimum:
+    """Minimise the energy of the formula of `tgv_normal` for a mesh with interior edges, lengths in mean edges.
 
     Differences p = D n - v and q = E v are unknowns of their own, tied by multipliers with a penalty of 1. In turn the
     normals and the jumps are solved for, always with the same matrices and from those of the round before, and the
     differences shrink edge by edge and corner by corner.
     """
+    given, edge, topology = mesh.face_normals, mesh.mean_edge_length or 1.0, mesh.topology
+    lengths = row_distances(mesh.vertices, topology.edges[topology.interior_edges]) / edge
+    lengths = np.maximum(lengths, LEAST_LENGTH)
+    pull = 2 * fidelity * np.maximum(mesh.areas / edge**2, LEAST_AREA_IN_EDGES)
+    difference = difference_operator(topology.face_pairs, len(mesh.faces))
+    sums, corner_lengths = corner_sums(mesh)
+    corner_lengths = np.maximum(corner_lengths / edge, LEAST_LENGTH)
 
-    def __init__(self, mesh: Mesh, *, fidelity: float, second_order: float) -> None:
-        edge, topology = mesh.mean_edge_length or 1.0, mesh.topology
-        self.pairs, self.second_order = topology.face_pairs, second_order
-        lengths = row_distances(mesh.vertices, topology.edges[topology.interior_edges]) / edge
-        self.lengths = np.maximum(lengths, LEAST_LENGTH)
-        self.pull = 2 * fidelity * np.maximum(mesh.areas / edge**2, LEAST_AREA_IN_EDGES)
-        self.differences = difference_operator(self.pairs, len(mesh.faces))
-        self.sums, corner_lengths = corner_sums(mesh)
-        self.corner_lengths = np.maximum(corner_lengths / edge, LEAST_LENGTH)
+    # The matrices α A + Dᵀ l D of the normals and l + Eᵀ l E of the jumps
+    from_edges = scipy.sparse.csr_array(difference.T.multiply(lengths))
+    from_corners = scipy.sparse.csr_array(sums.T.multiply(corner_lengths))
+    normal_system = _system(pull, from_edges @ difference)
+    jump_system = _system(lengths, from_corners @ sums)
 
-        # The matrices α A + Dᵀ l D of the normals and l + Eᵀ l E of the jumps
-        self.from_edges = scipy.sparse.csr_array(self.differences.T.multiply(self.lengths))
-        self.from_corners = scipy.sparse.csr_array(self.sums.T.multiply(self.corner_lengths))
-        self.normal_system = _system(self.pull, self.from_edges @ self.differences)
-        self.jump_system = _system(self.lengths, self.from_corners @ self.sums)
-
-    def least(self, given: Vectors, *, rounds: int) -> TgvMinimum:
-        """Minimise near the given normals n*, (m, 3) unit vectors."""
-        normals, jumps = given.copy(), np.zeros((len(self.pairs), 3))
-        duals, ties = np.zeros_like(jumps), np.zeros_like(jumps)
-        corner_duals, corner_ties = np.zeros((2, len(self.corner_lengths), 3))
-        fixed = self.pull[:, None] * given
-        bound, jump_bound = (TOLERANCE**2 * (scale**2).sum() for scale in (self.pull, self.lengths))
-        most = np.full(len(corner_duals), self.second_order)
-        for _ in track(rounds):
-            right = fixed + self.from_edges @ (jumps + ties)
-            conjugate_gradients(*self.normal_system, right, normals, bound, MOST_ITERATIONS)
-            normals = unit(normals, otherwise=given)
-            differences = self.differences @ normals
-            right = self.lengths[:, None] * (differences - ties) + self.from_corners @ corner_ties
-            conjugate_gradients(*self.jump_system, right, jumps, jump_bound, MOST_ITERATIONS)
-            weights = np.exp(-(row_lengths(differences) ** 4))
-            parallel_for(len(duals), _shrink, differences - jumps, weights, duals, ties)
-            parallel_for(len(corner_duals), _shrink, self.sums @ jumps, most, corner_duals, corner_ties)
-        return TgvMinimum(normals, jumps, duals, corner_duals)
+    normals, jumps = given.copy(), np.zeros((len(lengths), 3))
+    duals, ties = np.zeros_like(jumps), np.zeros_like(jumps)
+    corner_duals, corner_ties = np.zeros((2, len(corner_lengths), 3))
+    fixed = pull[:, None] * given
+    bound, jump_bound = (TOLERANCE**2 * (scale**2).sum() for scale in (pull, lengths))
+    most = np.full(len(corner_duals), second_order)
+    for _ in track(rounds):
+        right = fixed + from_edges @ (jumps + ties)
+        conjugate_gradients(*normal_system, right, normals, bound, MOST_ITERATIONS)
+        normals = unit(normals, otherwise=given)
+        differences = difference @ normals
+        right = lengths[:, None] * (differences - ties) + from_corners @ corner_ties
+        conjugate_gradients(*jump_system, right, jumps, jump_bound, MOST_ITERATIONS)
+        weights = np.exp(-(row_lengths(differences) ** 4))
+        parallel_for(len(duals), _shrink, differences - jumps, weights, duals, ties)
+        parallel_for(len(corner_duals), _shrink, sums @ jumps, most, corner_duals, corner_ties)
+    return TgvMinimum(normals, jumps, duals, corner_duals)
 
 
 def corner_sums(mesh: Mesh) -> tuple[Any, Floats]:

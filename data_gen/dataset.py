@@ -14,8 +14,8 @@ from typing import NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.families import SHAPE_FAMILIES, ErrorPart, ShapeFamily
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 from cascadenorm.data_gen.noise.noise import NoiseKind, displacements, relief
 from cascadenorm.data_gen.noise.sensor import LASER_LEVELS
 from cascadenorm.data_gen.scanning.measured import Measured

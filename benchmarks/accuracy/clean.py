@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks import results, running
 from cascadenorm.api.inspection.crossings import crossing_faces
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import is_mesh_name

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import results, running
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.noise.sensor import laser_displacements
 from cascadenorm.data_gen.scanning.measured import Measured, beneath

@@ -149,10 +149,9 @@ def evaluate(
         **{name: {"command": words, "timeout": timeout} for name, words in programs.items()},
     }
     with TemporaryDirectory() as scratch:
-        unread: list[tuple[FilePair, Exception]] = []
+        failures: list[FailedRun] = []
         if noise is not None:
-            pairs, unread = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
-        failures = [FailedRun(pair.name, None, error) for pair, error in unread]
+            pairs, failures = with_noise(pairs, Path(keep or scratch) / "noise", level=noise, seeds=seeds)
         done = Evaluation([], failures, pairs, Records(Path(keep)) if keep is not None else None)
         runs = [Run(pair, name, records=done.records, **row) for pair in pairs for name, row in rows.items()]
         with use_cluster(scheduler, workers=workers, folder=_required_folder(runs)):
@@ -162,20 +161,20 @@ def evaluate(
 
 def with_noise(
     pairs: Sequence[FilePair], folder: Path, *, level: float, seeds: int
-) -> tuple[list[FilePair], list[tuple[FilePair, Exception]]]:
+) -> tuple[list[FilePair], list[FailedRun]]:
     """Write noisy versions of each clean mesh to a folder, with Gaussian noise along the normals.
 
     The level is the standard deviation of the noise, in mean edge lengths of the clean mesh. There are noisy meshes for
-    the seeds 0, 1, …; the same seed always gives the same file. Returns the new pairs, and the pairs with an unreadable
-    clean mesh, each with its error.
+    the seeds 0, 1, …; the same seed always gives the same file. Returns the new pairs, and a failure for each pair
+    with an unreadable clean mesh.
     """
     made: list[FilePair] = []
-    unread: list[tuple[FilePair, Exception]] = []
+    failures: list[FailedRun] = []
     for pair in pairs:
         try:
             clean = as_mesh(pair.clean)
         except Exception as error:  # a damaged file, or a missing package for its format
-            unread.append((pair, error))
+            failures.append(FailedRun(pair.name, None, error))
             continue
         place = folder / re.sub(r"[/\\]", "_", pair.name)
         place.mkdir(parents=True, exist_ok=True)
@@ -185,7 +184,7 @@ def with_noise(
             file = place / f"noisy-{level:g}-{seed}.ply"
             save_mesh(file, clean.moved(clean.vertices + noise), force=True)
             made.append(FilePair(name, file, pair.clean, seed))
-    return made, unread
+    return made, failures
 
 
 def _required_folder(runs: Sequence[Run]) -> str | None:

@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.outlines import Loop, chords, circle, rounded, sketch
-from cascadenorm.data_gen.meshing.polygon_triangulation import PolygonError, triangulated
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
+from cascadenorm.data_gen.meshing.polygon_triangulation import triangulated
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Floats, Mesh, unit
 
@@ -25,6 +25,7 @@ ROUGHEST_TOLERANCE, FINEST_TOLERANCE = 0.05, 2e-6
 """Range of chord tolerances, relative to the size of a part, that is searched for the wanted number of faces. That
 number varies with the inverse square root of the tolerance for strips, and with its inverse for doubly curved
 surfaces, so that a power of 1.5 converges for both."""
+XY = np.eye(2, 3)  # frame of the xy plane: its axes as rows
 LOW_DIGITS = 0.2  # share of the parts written as text in millimetres with four decimals; the others are float32
 
 
@@ -56,18 +57,14 @@ class PartBuilder:
             else:
                 self._zipped(lower, upper)
 
-    def face(self, outline: Ring, holes: Sequence[Ring] = (), inner: ArrayLike = (), *, up: bool = True) -> None:
-        """Triangulate a face over the xy plane that faces up or down."""
-        points = np.concatenate(self._points)[:, :2]
+    def face(
+        self, outline: Ring, holes: Sequence[Ring] = (), inner: ArrayLike = (), *, frame: Floats = XY, up: bool = True
+    ) -> None:
+        """Triangulate a face over the plane that `frame`, (2, 3), spans. It faces up or down from there."""
+        points = np.concatenate(self._points) @ frame.T
         loops = [outline, *(hole[::-1] for hole in holes)]
         triangles = triangulated(points, loops, inner=np.asarray(inner, np.int64).tolist(), delaunay=self._delaunay)
         self._faces.append(triangles if up else triangles[:, ::-1])
-
-    def end(self, ring: Ring, frame: Floats, *, ahead: bool) -> None:
-        """Close a loop in space by a planar face; `frame` (2, 3) spans its plane."""
-        points = np.concatenate(self._points) @ frame.T
-        triangles = triangulated(points, [ring], delaunay=self._delaunay)
-        self._faces.append(triangles if ahead else triangles[:, ::-1])
 
     def mesh(self) -> Mesh:
         """Return the mesh built so far."""
@@ -112,22 +109,15 @@ def cad_part(*, faces: int | None, rng: np.random.Generator) -> Mesh:
     make = MAKERS[rng.integers(len(MAKERS))]
     seed = int(rng.integers(2**31))
     if faces is None:
-        return _finished(_made(make, seed, float(10 ** rng.uniform(-4, -2))), rng=rng)
+        return _finished(make(float(10 ** rng.uniform(-4, -2)), np.random.default_rng(seed)), rng=rng)
     tolerance = 1e-3
     for _ in range(8):
-        mesh = _made(make, seed, tolerance)
+        mesh = make(tolerance, np.random.default_rng(seed))
         ratio = len(mesh.faces) / faces
         if 0.7 <= ratio <= 1.4:
             return _finished(mesh, rng=rng)
         tolerance = min(max(tolerance * ratio**1.5, FINEST_TOLERANCE), ROUGHEST_TOLERANCE)
     raise UnfitShapeError("no chord tolerance gives so many faces")
-
-
-def _made(make: Maker, seed: int, tolerance: float) -> Mesh:
-    try:
-        return make(tolerance, np.random.default_rng(seed))
-    except PolygonError as error:
-        raise UnfitShapeError(str(error)) from error
 
 
 def _finished(mesh: Mesh, *, rng: np.random.Generator) -> Mesh:
@@ -243,8 +233,8 @@ def swept(tolerance: float, rng: np.random.Generator) -> Mesh:
     rings = [part.ring(p + x[:, None] * o + y[:, None] * u) for p, o, u in zip(path, out, up, strict=True)]
     part.wall([*rings, rings[0]] if closed else rings)
     if not closed:
-        part.end(rings[-1], np.stack([out[-1], up[-1]]), ahead=True)
-        part.end(rings[0], np.stack([out[0], up[0]]), ahead=False)
+        part.face(rings[-1], frame=np.stack([out[-1], up[-1]]))
+        part.face(rings[0], frame=np.stack([out[0], up[0]]), up=False)
     return part.mesh()
 
 

@@ -5,6 +5,7 @@ Curved regions keep many triangles, flat ones few.
 
 import numpy as np
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import (
     CORNER,
     RING,
@@ -19,7 +20,7 @@ from cascadenorm.data_gen.meshing.half_edges import (
     mesh_of,
 )
 from cascadenorm.data_gen.meshing.remesh import faces_survive
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, fit
+from cascadenorm.data_gen.meshing.surface import fit
 from cascadenorm.mesh import Floats, Mesh, kernel
 from cascadenorm.mesh.vectors import length
 

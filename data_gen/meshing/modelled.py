@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, fit
+from cascadenorm.data_gen.errors import UnfitShapeError
+from cascadenorm.data_gen.meshing.surface import fit
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import log_uniform, random_direction
 from cascadenorm.mesh import Ints, Mesh, Vectors, scatter_add

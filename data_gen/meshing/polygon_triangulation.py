@@ -9,15 +9,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.mesh import Floats
 
 Triangles = NDArray[np.int64]
 
 FLAT_AREA = 1e-9  # twice the area of a triangle, in squares of its longest side, below which it counts as flat
-
-
-class PolygonError(ValueError):
-    """Loops cross or touch, so that they cannot be triangulated."""
 
 
 def triangulated(
@@ -28,7 +25,7 @@ def triangulated(
     The loops index the points, (n, 2). The first is the outline, counterclockwise; the others are holes, clockwise.
     Edges are flipped until the triangulation is constrained Delaunay, or else the ears are kept as they were cut, in
     the order of the loops, with the fans and slivers that this produces. Returns (loop vertices + 2 holes - 2 + 2
-    inner, 3) indices, counterclockwise. Raises PolygonError if loops cross or touch, or a vertex is not inside.
+    inner, 3) indices, counterclockwise. Raises UnfitShapeError if loops cross or touch, or a vertex is not inside.
     """
     order = list(loops[0])
     holes = sorted(loops[1:], key=lambda hole: -points[hole, 0].max())
@@ -52,7 +49,7 @@ def _bridged(points: Floats, order: list[int], hole: NDArray[np.int64], left: li
         if inward and not _crosses(points, a, b, first, second):
             around = [*hole[k:], *hole[:k]]
             return [*order[: i + 1], *around, int(b), *order[i:]]
-    raise PolygonError("a hole cannot be reached from the outline")
+    raise UnfitShapeError("a hole cannot be reached from the outline")
 
 
 def _turn(p: Floats, q: Floats, r: Floats) -> NDArray[np.float64]:
@@ -98,7 +95,7 @@ def _ears(points: Floats, order: list[int], *, best_first: bool) -> list[tuple[i
     triangles: list[tuple[int, int, int]] = []
     while len(triangles) < count - 2:
         if not waiting:
-            raise PolygonError("loops cross or touch")
+            raise UnfitShapeError("loops cross or touch")
         _, k, age = heapq.heappop(waiting)
         if not alive[k] or age != version[k]:
             continue
@@ -135,7 +132,7 @@ def _split(points: Floats, triangles: list[tuple[int, int, int]], inner: list[in
         inside = np.minimum(np.minimum(_turn(a, b, points[v]), _turn(b, c, points[v])), _turn(c, a, points[v]))
         f = int(inside.argmax())
         if inside[f] <= 0:
-            raise PolygonError("a vertex is not inside the polygon")
+            raise UnfitShapeError("a vertex is not inside the polygon")
         p, q, r = faces[f]
         faces[f], faces[count], faces[count + 1] = (p, q, v), (q, r, v), (r, p, v)
         count += 2

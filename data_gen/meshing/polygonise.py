@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import Lattice, trilinear
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
@@ -19,10 +20,6 @@ from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 FLAT_SCATTER = 0.08
 """Planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge."""
 SNAP = 0.02  # values closer to zero than this share of the spacing are moved away, so that no crossing is at a node
-
-
-class NoSurfaceError(ValueError):
-    """The field has no surface within the lattice."""
 
 
 class Crossings(NamedTuple):
@@ -91,7 +88,7 @@ def find_crossings(field: DistanceField, lattice: Lattice) -> Crossings:
     values = lattice.values
     pushed = off_nodes(values, lattice.spacing)
     if not pushed.min() < 0 < pushed.max():
-        raise NoSurfaceError("the field has one sign all over the lattice")
+        raise UnfitShapeError("the field has one sign all over the lattice")
     clipped = np.clip(pushed, -4 * lattice.spacing, 4 * lattice.spacing)
     found, triangles, _, _ = march(clipped, 0.0)  # type: ignore[no-untyped-call]
     found = found.astype(np.float64)

@@ -11,8 +11,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.decimate import thinned
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, fit
+from cascadenorm.data_gen.meshing.surface import fit
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import log_uniform
 from cascadenorm.mesh import Mesh

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.lattice import sample
-from cascadenorm.data_gen.meshing.polygonise import NoSurfaceError, dual_contouring, marching_cubes
+from cascadenorm.data_gen.meshing.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_rotation
 from cascadenorm.mesh import Mesh, Vectors, part_of
@@ -15,6 +16,7 @@ from cascadenorm.mesh import Mesh, Vectors, part_of
 HALF_SIDE = 1.6  # shapes are searched for in a cube with this half side
 JITTER = 0.2  # largest random displacement of the nodes of a lattice, relative to their spacing
 ROUGH = 0.09  # spacing of the coarse lattice of the first search
+SMALLEST_COMPONENT = 0.05  # smaller components of measured surfaces, relative to the largest one, are dropped
 
 
 class Extent(NamedTuple):
@@ -34,10 +36,6 @@ class Extent(NamedTuple):
     def middle(self) -> Vectors:
         """Middle of the box."""
         return 0.5 * (self.lower + self.upper)
-
-
-class UnfitShapeError(ValueError):
-    """A random shape that is empty, not manifold, or otherwise invalid. Callers draw another one."""
 
 
 def extent_of(field: DistanceField, *, rng: np.random.Generator) -> Extent:
@@ -78,10 +76,7 @@ def polygonised(field: DistanceField, extent: Extent, *, faces: int, sharp: bool
         open_boundary=extent.cut,
         rng=rng,
     )
-    try:
-        mesh = dual_contouring(field, lattice) if sharp else marching_cubes(field, lattice)
-    except NoSurfaceError as error:
-        raise UnfitShapeError(str(error)) from error
+    mesh = dual_contouring(field, lattice) if sharp else marching_cubes(field, lattice)
     return largest_components(untangled(mesh), share=0.02)
 
 
@@ -92,9 +87,10 @@ def largest_components(mesh: Mesh, *, share: float) -> Mesh:
     return part_of(mesh, (counts >= share * counts.max())[label])[0]
 
 
-def disentangled(mesh: Mesh, *, share: float) -> Mesh:
+def disentangled(mesh: Mesh) -> Mesh:
     """Return the largest components of a surface as a manifold; see `largest_components` and `untangled`."""
-    return largest_components(untangled(largest_components(mesh, share=share)), share=share)
+    larger = untangled(largest_components(mesh, share=SMALLEST_COMPONENT))
+    return largest_components(larger, share=SMALLEST_COMPONENT)
 
 
 def fit(mesh: Mesh) -> Mesh:

@@ -6,11 +6,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.decimate import decimate
 from cascadenorm.data_gen.meshing.half_edges import CORNER, SMOOTH, HalfEdges, half_edges_of, is_manifold, mesh_of
 from cascadenorm.data_gen.meshing.polygonise import gradients, meeting_points, onto_surface
 from cascadenorm.data_gen.meshing.remesh import SHORT, collapse_short, flip_edges, mend, slide, split_long
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, fit, polygonised
+from cascadenorm.data_gen.meshing.surface import Extent, fit, polygonised
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import random_rotation

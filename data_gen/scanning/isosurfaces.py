@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.polygonise import onto_surface
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.volumes import (
-    SMALLEST_COMPONENT,
     Volume,
     measured_surface,
     random_lattice,
@@ -95,7 +95,7 @@ def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.rand
     voxel = float(np.sqrt(density * extent.area / faces))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
-    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
+    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces))
     if rng.random() < RELAXED_SHARE:
         placed = placed.moved(onto_surface(field, placed.vertices, size=0.3 * voxel))
     return placed

@@ -5,11 +5,12 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator, cg
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import grid, trilinear
 from cascadenorm.data_gen.meshing.polygonise import gradients, onto_surface
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
-from cascadenorm.data_gen.scanning.volumes import SMALLEST_COMPONENT, volume_surface
+from cascadenorm.data_gen.scanning.volumes import volume_surface
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_direction
 from cascadenorm.mesh import Mesh, Vectors, unit
@@ -46,7 +47,7 @@ def reconstruction(
     width = max(0.6, gap * rng.uniform(0.4, 1.0))
     volume = poisson(nodes, points, normals, cell=cell, screening=screening, width=width)
     mesh = volume_surface(volume)
-    placed = disentangled(Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces), share=SMALLEST_COMPONENT)
+    placed = disentangled(Mesh(nodes[0, 0, 0] + cell * mesh.vertices, mesh.faces))
     measured = beneath(field, placed, cell=cell)
     if (np.abs(measured.normals).max(axis=1) == 0).mean() > 0.2:
         raise UnfitShapeError("too much of the reconstruction is not near the shape")

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.transform import Rotation
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.polygonise import gradients, off_nodes, onto_surface
-from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import HALF_SIDE, Extent, disentangled
 from cascadenorm.data_gen.noise.sensor import camera_errors
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
@@ -109,7 +110,7 @@ def largest_sheets(vertices: Vectors, faces: NDArray[np.int32]) -> Mesh:
     """Return the larger components of a sheet as a manifold."""
     if len(faces) < FEWEST_SHEET_FACES:
         raise UnfitShapeError("the view shows next to nothing")
-    return disentangled(Mesh(vertices, faces), share=0.05)
+    return disentangled(Mesh(vertices, faces))
 
 
 def fused(field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator) -> Measured:

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.surface import Extent, UnfitShapeError, disentangled
+from cascadenorm.data_gen.meshing.surface import Extent, disentangled
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.placement import random_direction, random_rotation
@@ -18,7 +19,6 @@ from cascadenorm.mesh.averages import averaged
 Volume = NDArray[np.float64]  # (p, q, r), one value per voxel, above 0.5 inside
 
 MARGIN_VOXELS = 3  # voxels around the shape
-SMALLEST_COMPONENT = 0.05  # smaller components, relative to the largest one, are dropped: grain makes islands
 STEPPED = 3.2  # faces of marching cubes on a mask per area of a voxel's side
 GREY = 2.3  # the same on grey values
 NETS = 0.7  # number of faces of surface nets relative to marching cubes
@@ -186,7 +186,7 @@ def measured_surface(
     rng: np.random.Generator,
 ) -> Measured:
     """Place a mesh in units of voxels on its lattice, drop islands, decimate it, and find its ground truth."""
-    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces), share=SMALLEST_COMPONENT)
+    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces))
     if kept < 1:
         evenness = float(10 ** rng.uniform(-4, -1))
         placed = thinned(placed, faces=round(kept * len(placed.faces)), evenness=evenness)

@@ -4,7 +4,7 @@ The values are negative inside.
 """
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,8 @@ Values = NDArray[np.float64]  # (n,) float64, one value per point
 
 DistanceField = Callable[[Vectors], Values]  # positions to signed distances, which are approximate in deformed fields
 
-Blend = Literal["sharp", "round", "chamfer"]  # how the edge between two surfaces is finished
+Blend = Literal["sharp", "round", "chamfer", "melted"]
+"""How the edge between two surfaces is finished: sharp, rounded, chamfered, or melted as between metaballs."""
 
 
 def norm(vectors: NDArray[np.float64]) -> Values:
@@ -24,7 +25,7 @@ def norm(vectors: NDArray[np.float64]) -> Values:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
-def computed(kernel: Callable[..., None], *parameters: NDArray[np.float64]) -> DistanceField:
+def computed(kernel: Callable[..., None], *parameters: Any) -> DistanceField:
     """Return the field whose values a kernel writes, from points and parameters."""
 
     def distance(points: Vectors) -> Values:
@@ -102,6 +103,11 @@ def tube(path: Vectors, *, radius: float | Values, closed: bool = False) -> Dist
     return computed(_tube, starts, axes, length2, thickness[: len(starts)], growth)
 
 
+def half_space(normal: Vectors, *, at: float) -> DistanceField:
+    """Return the half space behind the plane with a unit normal, (3,), at an offset from the origin."""
+    return lambda points: points @ normal - at
+
+
 def polytope(normals: Vectors, offsets: Values) -> DistanceField:
     """Return the intersection of half spaces with unit `normals`, each at its offset from the origin."""
     return computed(_polytope, normals, offsets)
@@ -113,7 +119,7 @@ def complement(field: DistanceField) -> DistanceField:
 
 
 def union(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
-    """Return the points of any of the fields. The concave edge is sharp, rounded or chamfered."""
+    """Return the points of any of the fields. `blend` decides how the concave edge is finished."""
 
     def distance(points: Vectors) -> Values:
         total = fields[0](points)
@@ -125,7 +131,7 @@ def union(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -
 
 
 def intersection(*fields: DistanceField, blend: Blend = "sharp", radius: float = 0.0) -> DistanceField:
-    """Return the points of all fields. The convex edge is sharp, rounded or chamfered."""
+    """Return the points of all fields. `blend` decides how the convex edge is finished."""
     return complement(union(*map(complement, fields), blend=blend, radius=radius))
 
 
@@ -141,22 +147,16 @@ def _join(a: Values, b: Values, blend: Blend, radius: float) -> Values:
         return np.minimum(a, b)
     if blend == "chamfer":
         return np.asarray(np.minimum(np.minimum(a, b), (a + b - radius) * np.sqrt(0.5)))
+    if blend == "melted":
+        h = np.maximum(radius - np.abs(a - b), 0) / radius
+        return np.asarray(np.minimum(a, b) - h**3 * radius / 6)
     bite = np.hypot(np.maximum(radius - a, 0), np.maximum(radius - b, 0))
     return np.maximum(radius, np.minimum(a, b)) - bite
 
 
 def melted(*fields: DistanceField, radius: float) -> DistanceField:
     """Return the union with a curvature-continuous transition about `radius` wide, as between metaballs."""
-
-    def distance(points: Vectors) -> Values:
-        total = fields[0](points)
-        for field in fields[1:]:
-            other = field(points)
-            h = np.maximum(radius - np.abs(total - other), 0) / radius
-            total = np.minimum(total, other) - h**3 * radius / 6
-        return total
-
-    return distance
+    return union(*fields, blend="melted", radius=radius)
 
 
 def offset(field: DistanceField, *, by: float) -> DistanceField:

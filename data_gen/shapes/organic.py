@@ -7,12 +7,12 @@ import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import (
     DistanceField,
-    Values,
     box,
-    complement,
     cylinder,
     difference,
     ellipsoid,
+    half_space,
+    intersection,
     limb,
     melted,
     pushed_out,
@@ -34,7 +34,6 @@ from cascadenorm.data_gen.shapes.placement import (
     twisted,
     warped,
 )
-from cascadenorm.mesh import Vectors
 
 
 def skin(body: DistanceField, *, finest: float, layers: int, rng: np.random.Generator) -> DistanceField:
@@ -127,7 +126,7 @@ def bust(edge: float, rng: np.random.Generator) -> DistanceField:
     head = melted(skull, jaw, nose, brow, cheek, neck, radius=rng.uniform(0.05, 0.15))
     socket = moved(sphere(radius=rng.uniform(0.07, 0.12)), by=[apart, level, 0.92 * deep])
     eye = moved(sphere(radius=rng.uniform(0.07, 0.09)), by=[apart, level - 0.01, 0.82 * deep])
-    face = complement(melted(complement(head), socket, radius=0.06))
+    face = difference(head, socket, blend="melted", radius=0.06)
     lips = [limb([-0.001, y, 0.86 * deep], [0.12, y, 0.8 * deep], radii=(0.035, 0.02)) for y in (-0.36, -0.42)]
     ear = moved(torus(major=0.09, minor=0.03), by=[wide, 0, 0], rotation=random_rotation(rng=rng))
     whole = mirrored(melted(union(face, eye), *lips, ear, radius=0.03))
@@ -191,17 +190,10 @@ def _ring(angle: float, rng: np.random.Generator) -> DistanceField:
 def rock(edge: float, rng: np.random.Generator) -> DistanceField:
     """Return fractured stone: a lump cut by a few planes, with noise of many octaves."""
     body = _lump(rng)
-    cuts = [(random_direction(rng=rng), rng.uniform(0.3, 0.7)) for _ in range(rng.integers(0, 7))]
-
-    def broken(points: Vectors) -> Values:
-        values = body(points)
-        for normal, level in cuts:
-            np.maximum(values, points @ normal - level, out=values)
-        return values
-
+    cuts = [half_space(random_direction(rng=rng), at=rng.uniform(0.3, 0.7)) for _ in range(rng.integers(0, 7))]
     form: Form = rng.choice(["smooth", "ridged", "billowed"])
     grain = noise(wavelength=rng.uniform(0.3, 0.9), octaves=3, gain=rng.uniform(0.35, 0.55), form=form, rng=rng)
-    return pushed_out(broken, grain, amplitude=rng.uniform(0.01, 0.06))
+    return pushed_out(intersection(body, *cuts), grain, amplitude=rng.uniform(0.01, 0.06))
 
 
 def _gently_warped(body: DistanceField, rng: np.random.Generator) -> DistanceField:

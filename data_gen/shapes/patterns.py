@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from cascadenorm.data_gen.shapes.fields import DistanceField, Values
+from cascadenorm.data_gen.shapes.fields import DistanceField, Values, computed
 from cascadenorm.mesh import Floats, Vectors, kernel
 
 Form = Literal["smooth", "ridged", "billowed"]
@@ -24,14 +24,8 @@ def noise(
     *, wavelength: float, octaves: int = 1, gain: float = 0.5, form: Form = "smooth", rng: np.random.Generator
 ) -> DistanceField:
     """Return gradient noise. Each octave has half the wavelength and `gain` times the size of the previous one."""
-    seed, code = seed_of(rng), ("smooth", "ridged", "billowed").index(form)
-
-    def pattern(points: Vectors) -> Values:
-        values = np.empty(len(points))
-        _octaves(np.ascontiguousarray(points) / wavelength, seed, octaves, gain, code, values)
-        return values
-
-    return pattern
+    field = computed(_octaves, seed_of(rng), octaves, gain, ("smooth", "ridged", "billowed").index(form))
+    return lambda points: field(np.ascontiguousarray(points) / wavelength)
 
 
 def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random.Generator) -> DistanceField:

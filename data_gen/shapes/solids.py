@@ -8,6 +8,7 @@ from cascadenorm.data_gen.shapes.fields import (
     box,
     cylinder,
     difference,
+    half_space,
     intersection,
     limb,
     offset,
@@ -85,8 +86,8 @@ def engraved(edge: float, rng: np.random.Generator) -> DistanceField:
         width = edge * rng.uniform(1.5, 3.5)
         kind = rng.integers(4)
         if kind == 0:
-            plane, level = random_direction(rng=rng), rng.uniform(-0.6, 0.6)
-            tool: DistanceField = _slab(plane, level, width)
+            plane = half_space(random_direction(rng=rng), at=rng.uniform(-0.6, 0.6))
+            tool = shell(plane, thickness=2 * width)
         elif kind == 1:
             a, b = random_direction(rng=rng), random_direction(rng=rng)
             tool = limb(0.9 * a, 0.9 * b, radii=(width + 0.1, width + 0.1))
@@ -101,10 +102,6 @@ def engraved(edge: float, rng: np.random.Generator) -> DistanceField:
         else:
             body = union(body, intersection(tool, offset(skin, by=depth)))
     return body
-
-
-def _slab(plane: Vectors, level: float, width: float) -> DistanceField:
-    return lambda points: np.abs(points @ plane - level) - width
 
 
 def _plain_body(edge: float, rng: np.random.Generator) -> DistanceField:

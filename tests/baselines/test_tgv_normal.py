@@ -4,7 +4,7 @@ from shapes import cube, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
 from cascadenorm.baselines import tgv_normal
-from cascadenorm.baselines.tgv_normal import GeneralizedVariation, corner_sums
+from cascadenorm.baselines.tgv_normal import corner_sums, least_variation
 from cascadenorm.baselines.tv_normal import difference_operator
 from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.meshing.tessellation import tessellate
@@ -77,7 +77,7 @@ def test_along_a_strip_an_even_slope_costs_nothing_and_a_bend_costs_its_second_d
 def test_rounds_equal_their_formula(monkeypatch):
     monkeypatch.setattr(tgv_normal, "TOLERANCE", 1e-13)
     fidelity, second_order, given = 0.8, 0.3, ROUGH.face_normals
-    found = GeneralizedVariation(ROUGH, fidelity=fidelity, second_order=second_order).least(given, rounds=4)
+    found = least_variation(ROUGH, fidelity=fidelity, second_order=second_order, rounds=4)
     differences, lengths, sums, corner_lengths, areas = dense(ROUGH)
     gaps, corner_gaps = np.diag(lengths), np.diag(corner_lengths)
     normal_matrix = np.diag(2 * fidelity * areas) + differences.T @ gaps @ differences
@@ -105,8 +105,7 @@ def test_rounds_equal_their_formula(monkeypatch):
 
 @pytest.mark.parametrize("fidelity", [0.75, 2.0])
 def test_the_energy_falls_with_the_rounds(fidelity):
-    variation = GeneralizedVariation(ROUGH, fidelity=fidelity, second_order=0.4)
-    rounds = [variation.least(ROUGH.face_normals, rounds=k) for k in (5, 20, 40, 400)]
+    rounds = [least_variation(ROUGH, fidelity=fidelity, second_order=0.4, rounds=k) for k in (5, 20, 40, 400)]
     energies = [energy(ROUGH, found, fidelity, 0.4) for found in rounds]
     assert energies[0] > energies[1] > energies[2] and abs(energies[3] / energies[2] - 1) < 0.05
     for found in rounds:
@@ -116,7 +115,7 @@ def test_the_energy_falls_with_the_rounds(fidelity):
 def test_jumps_are_best_for_the_normals():
     """Multipliers prove it: they are within bounds, aligned with what they weigh, and in balance at each edge."""
     second_order = 0.35
-    found = GeneralizedVariation(ROUGH, fidelity=2.0, second_order=second_order).least(ROUGH.face_normals, rounds=2000)
+    found = least_variation(ROUGH, fidelity=2.0, second_order=second_order, rounds=2000)
     differences, lengths, sums, corner_lengths, _ = dense(ROUGH)
     jumps = differences @ found.normals
     rest, weights = jumps - found.jumps, np.exp(-(np.linalg.norm(jumps, axis=1) ** 4))
@@ -132,9 +131,7 @@ def test_jumps_are_best_for_the_normals():
 
 def test_without_a_second_order_nothing_changes_and_with_much_of_it_jumps_vanish():
     mesh = noisy(icosphere(1), 0.05)
-    free, stiff = (
-        GeneralizedVariation(mesh, fidelity=1.0, second_order=s).least(mesh.face_normals, rounds=300) for s in (0, 50)
-    )
+    free, stiff = (least_variation(mesh, fidelity=1.0, second_order=s, rounds=300) for s in (0, 50))
     np.testing.assert_allclose(free.normals, mesh.face_normals, atol=1e-3)
     differences = difference_operator(mesh.topology.face_pairs, len(mesh.faces))
     np.testing.assert_allclose(free.jumps, differences @ free.normals, atol=1e-3)

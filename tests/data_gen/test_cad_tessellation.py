@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.cad_tessellation import MAKERS, cad_part
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.outlines import circle, rounded, sketch
-from cascadenorm.data_gen.meshing.polygon_triangulation import PolygonError, triangulated
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
+from cascadenorm.data_gen.meshing.polygon_triangulation import triangulated
 
 
 def signed_area(points: np.ndarray) -> float:
@@ -35,7 +35,7 @@ def test_triangles_cover_a_polygon_with_holes_once(delaunay, seed):
     points, loops = plane_with_holes(seed)
     try:
         triangles = triangulated(points, loops, delaunay=delaunay)
-    except PolygonError:  # holes of this test may touch
+    except UnfitShapeError:  # holes of this test may touch
         return
     assert len(triangles) == len(points) + 2 * (len(loops) - 1) - 2
     areas = np.array([signed_area(points[triangle]) for triangle in triangles])
@@ -56,9 +56,9 @@ def test_delaunay_triangles_have_empty_circles_where_nothing_is_in_the_way():
 
 
 def test_loops_that_cross_are_refused():
-    with pytest.raises(PolygonError):
+    with pytest.raises(UnfitShapeError):
         triangulated(np.array([(0, 0), (1, 1), (1, 0), (0, 1)], float), [np.arange(4)])
-    with pytest.raises(PolygonError, match="not inside"):
+    with pytest.raises(UnfitShapeError, match="not inside"):
         triangulated(np.array([(0, 0), (1, 0), (0, 1), (2, 2)], float), [np.arange(3)], inner=[3])
 
 
@@ -88,7 +88,7 @@ def test_parts_are_closed_and_converge_with_the_tolerance(make, seed):
     for tolerance in (1e-2, 1e-3):
         try:
             mesh = make(tolerance, np.random.default_rng(seed))
-        except PolygonError:
+        except UnfitShapeError:
             return
         assert (mesh.topology.edge_faces.counts == 2).all() and is_manifold(mesh)
         assert (mesh.topology.balance == 0).all(), "consistently oriented"

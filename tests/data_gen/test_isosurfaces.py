@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 from cascadenorm.data_gen.scanning.isosurfaces import marching_tetrahedra
 from cascadenorm.mesh import angles_between
 

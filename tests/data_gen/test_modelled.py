@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing import modelled
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 SIDES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])

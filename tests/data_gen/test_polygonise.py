@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.decimate import decimate
 from cascadenorm.data_gen.meshing.half_edges import half_edges_of, is_manifold, mesh_of
 from cascadenorm.data_gen.meshing.lattice import sample
 from cascadenorm.data_gen.meshing.polygonise import dual_contouring, marching_cubes
 from cascadenorm.data_gen.meshing.remesh import SHORT, collapse_short, flip_edges, slide, split_long
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of, untangled
+from cascadenorm.data_gen.meshing.surface import extent_of, untangled
 from cascadenorm.data_gen.meshing.tessellation import Tessellation, shape_creases, tessellate
 from cascadenorm.data_gen.scanning.views import scanned_view
 from cascadenorm.data_gen.shapes import fields, placement

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.views import fused, largest_sheets
 from cascadenorm.data_gen.shapes import fields

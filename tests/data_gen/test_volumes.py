@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from shapes import signed_volume
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.meshing.surface import UnfitShapeError, extent_of
+from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.scanning import volumes
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface
 from cascadenorm.data_gen.scanning.measured import beneath
