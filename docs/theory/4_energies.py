@@ -24,7 +24,7 @@ from cascadenorm.render import render
 
 rng = np.random.default_rng(1)
 shape = fields.union(
-    fields.box([0.5, 0.5, 0.5]), fields.cylinder(radius=0.3, half_height=0.9), blend="fillet", radius=0.12
+    fields.box([0.5, 0.5, 0.5]), fields.cylinder(radius=0.3, half_height=0.9), blend="round", radius=0.12
 )
 clean = tessellate(shape, extent_of(shape, rng=rng), faces=5000, sharp=True, tessellation="even", rng=rng)
 noisy = clean.moved(clean.vertices + displacements(clean, "gaussian", level=0.2, rng=rng))
