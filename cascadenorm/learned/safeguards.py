@@ -45,9 +45,7 @@ def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) ->
         bounded = within_bounds(mesh, vertices)
     else:
         work = partial(_within_bounds_of_patch, components_without_estimate(mesh))
-        bounded = moved_in_patches(
-            mesh, patching, work, vertices, receptive_field=CHORD_RINGS + NOISE_PASSES, components=True
-        )
+        bounded = moved_in_patches(mesh, patching, work, vertices, receptive_field=CHORD_RINGS + NOISE_PASSES)
     return without_flips(mesh, bounded, smooth=measured)
 
 
