@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, lattice_of_mask, some_edges
+from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, lattice_of_mask, some_edge_vectors
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, first_of_each, pair_products, part_of
 
 FEWEST_VERTICES = 200  # components with fewer vertices are not examined
@@ -63,8 +63,7 @@ def _lattice_along_axes(mesh: Mesh) -> VoxelLattice | None:
 
     Edges on the treads of an enlarged volume join parallel lattice edges that are one spacing apart.
     """
-    edge, ends = mesh.mean_edge_length, some_edges(mesh)
-    steps = np.abs(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]])
+    edge, steps = mesh.mean_edge_length, np.abs(some_edge_vectors(mesh))
     spacings = []
     for along in steps.T:
         longer = along[along > 0.1 * edge]

@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
-from cascadenorm.mesh.vectors import Vector, row, subtract
+from cascadenorm.mesh import Ints, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh.vectors import Vector, row
 
 VoxelLattice = NDArray[np.float64]  # (3, 3), the edge vectors of a voxel as rows
 
@@ -23,21 +23,20 @@ ON_NODES = 0.5
 """Least fraction of the vertices on planes of nodes along each axis; marching cubes place two thirds there."""
 
 
-def some_edges(mesh: Mesh) -> Ints32:
-    """Return the vertices of MOST_EDGES to twice as many edges, (e, 2), evenly spaced in order; of all if few."""
+def some_edge_vectors(mesh: Mesh) -> Vectors:
+    """Return the vectors of MOST_EDGES to twice as many edges, (e, 3), evenly spaced in order; of all if few."""
     edges = mesh.topology.edges
-    return np.ascontiguousarray(edges[:: max(1, len(edges) // MOST_EDGES)])
+    ends = edges[:: max(1, len(edges) // MOST_EDGES)]
+    return np.asarray(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]])
 
 
 def lattice_share(mesh: Mesh) -> float:
     """Return the fraction of edges with the most frequent vectors: near 1 for meshes on a lattice, otherwise near 0."""
-    edges, size = some_edges(mesh), RESOLUTION * mesh.median_edge_length
-    if len(edges) < FEWEST_LATTICE_EDGES or size == 0:
+    vectors, size = some_edge_vectors(mesh), RESOLUTION * mesh.median_edge_length
+    if len(vectors) < FEWEST_LATTICE_EDGES or size == 0:
         return 0.0
-    keys = np.empty(len(edges), np.int64)
-    parallel_for(len(edges), _edge_key_range, mesh.vertices, edges, size, keys)
-    counts = np.unique(keys, return_counts=True)[1]
-    return float(np.sort(counts)[-FREQUENT_VECTORS:].sum() / len(edges))
+    counts = np.unique(_keys(vectors, size)[0], return_counts=True)[1]
+    return float(np.sort(counts)[-FREQUENT_VECTORS:].sum() / len(vectors))
 
 
 def lattice_of_mask(mesh: Mesh) -> VoxelLattice | None:
@@ -64,8 +63,7 @@ def lattice_of_mask(mesh: Mesh) -> VoxelLattice | None:
 
 def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
     """Return the distinct edge vectors up to sign, or None if there are too many."""
-    ends = some_edges(mesh)
-    vectors = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
+    vectors = some_edge_vectors(mesh)
     keys, sign = _keys(vectors, SAME_VECTOR * edge)
     _, number, counts = np.unique(keys, return_inverse=True, return_counts=True)
     common = np.argsort(-counts, kind="stable")[:DIRECTIONS]
@@ -101,12 +99,6 @@ def _key(vector: Vector, size: float) -> tuple[int, int]:
 def _key_range(start: int, stop: int, vectors: Vectors, size: float, keys: Ints, sign: Ints) -> None:
     for i in range(start, stop):
         keys[i], sign[i, 0] = _key(row(vectors, i), size)
-
-
-@kernel
-def _edge_key_range(start: int, stop: int, vertices: Vectors, edges: Ints32, size: float, keys: Ints) -> None:
-    for e in range(start, stop):
-        keys[e] = _key(subtract(row(vertices, edges[e, 1]), row(vertices, edges[e, 0])), size)[0]
 
 
 def _different(vectors: Vectors, edge: float) -> Vectors:

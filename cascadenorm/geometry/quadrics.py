@@ -38,7 +38,7 @@ def _quadric_normals(mesh: Mesh, normals: Vectors, faces: NDArray[np.intp]) -> V
     u, v, w = np.einsum("nij,nj->in", frames[own], offsets)
     similar = np.einsum("ij,ij->i", normals[others], z[own]) > LEAST_COSINE
     weights = mesh.areas[others] * np.exp(-0.5 * (u * u + v * v + w * w) / SPREAD**2) * similar
-    weights /= np.add.reduceat(weights, starts)[own]
+    weights /= np.maximum(np.add.reduceat(weights, starts), np.finfo(float).tiny)[own]
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1)
     weighted = weights[:, None] * terms
     system = np.add.reduceat(weighted[:, :, None] * terms[:, None, :], starts)

@@ -34,7 +34,7 @@ def vertex_clusters(mesh: Mesh, spacing: Floats) -> Ints32:
 
 def vertex_areas(mesh: Mesh) -> Floats:
     """Return the (n,) third of the area around each vertex, but at least a thousandth of the mean."""
-    areas = mesh.sums_around(mesh.areas[:, None] / 3)[:, 0]
+    areas = mesh.sums_around(mesh.areas / 3)
     least = 1e-3 * areas.sum() / max(np.count_nonzero(mesh.topology.used_vertices), 1)
     return np.maximum(areas, max(least, np.finfo(float).tiny))
 

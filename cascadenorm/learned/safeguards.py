@@ -1,7 +1,6 @@
 """Limits on vertex displacement, derived from the estimated noise."""
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -45,59 +44,41 @@ def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) ->
     if patching is None:
         bounded = within_bounds(mesh, vertices)
     else:
-        work = partial(_within_bounds_of_patch, what_is_bounded(mesh))
-        bounded = moved_in_patches(
-            mesh, patching, work, vertices, receptive_field=CHORD_RINGS + NOISE_PASSES, components=True
-        )
+        work = partial(_within_bounds_of_patch, components_without_estimate(mesh))
+        bounded = moved_in_patches(mesh, patching, work, vertices, receptive_field=CHORD_RINGS + NOISE_PASSES)
     return without_flips(mesh, bounded, smooth=measured)
 
 
-def _within_bounds_of_patch(bounded: "Bounded", patch: MeshPatch, vertices: Vectors) -> Vectors:
-    """Apply `within_bounds` to a patch, given the facts about the whole mesh."""
-    here = Bounded(bounded.untold[patch.component_numbers], bounded.voxel_faces)
-    return within_bounds(patch.mesh, vertices, here)
+def _within_bounds_of_patch(unestimated: Bools, patch: MeshPatch, vertices: Vectors) -> Vectors:
+    """Apply `within_bounds` to a patch, given the components of the whole mesh without an estimate of their noise."""
+    return within_bounds(patch.mesh, vertices, unestimated[patch.component_numbers])
 
 
-def within_bounds(mesh: Mesh, vertices: Vectors, bounded: "Bounded | None" = None) -> Vectors:
+def within_bounds(mesh: Mesh, vertices: Vectors, unestimated: Bools | None = None) -> Vectors:
     """Return vertices, (n, 3), with displacements limited to `displacement_bounds`."""
     displacement = vertices - mesh.vertices
     length = row_lengths(displacement)
-    bounds = displacement_bounds(mesh, bounded)
+    bounds = displacement_bounds(mesh, unestimated)
     far = length > bounds
     moved = vertices.copy()
     moved[far] = mesh.vertices[far] + (bounds[far] / length[far])[:, None] * displacement[far]
     return moved
 
 
-class Bounded(NamedTuple):
-    """Facts about the whole mesh that the bounds depend on.
-
-    Parameters
-    ----------
-    untold
-        (c,) connected components with too few edges to estimate their noise.
-    voxel_faces
-        Whether the mesh consists of the faces of voxels.
-    """
-
-    untold: Bools
-    voxel_faces: bool
-
-
-def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
+def displacement_bounds(mesh: Mesh, unestimated: Bools | None = None) -> Floats:
     """Return the largest displacement allowed at each vertex.
 
     The bound is the smaller of NOISE_FACTOR times the noise estimated around the vertex (see `chord_noise`) and
-    FACE_HEIGHTS times the height of its tallest face. Only the height counts where there is no estimate: on components
-    with fewer than FEWEST_COMPONENT_EDGES edges between two faces, around vertices without such an edge, and on voxel
-    faces.
+    FACE_HEIGHTS times the height of its tallest face. Only the height counts where there is no estimate: on the
+    components of `components_without_estimate`, and around vertices without an edge between two faces.
 
     Parameters
     ----------
     mesh
         Mesh with n vertices.
-    bounded
-        Facts about the mesh this one is a part of. Computed from `mesh` if None.
+    unestimated
+        (c,) components without an estimate, as determined for the mesh this one is a part of. Computed from `mesh` if
+        None.
 
     Returns
     -------
@@ -105,17 +86,20 @@ def displacement_bounds(mesh: Mesh, bounded: Bounded | None = None) -> Floats:
     """
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))
-    bounded = bounded or what_is_bounded(mesh)
+    if unestimated is None:
+        unestimated = components_without_estimate(mesh)
     noise = chord_noise(mesh, chord_residuals(mesh))
-    noise[mesh.faces[bounded.untold[mesh.topology.face_components]]] = np.inf
-    if bounded.voxel_faces:  # along voxel edges, the normals of both ends agree
-        noise[:] = np.inf
+    noise[mesh.faces[unestimated[mesh.topology.face_components]]] = np.inf
     return np.minimum(NOISE_FACTOR * noise, FACE_HEIGHTS * tallest)
 
 
-def what_is_bounded(mesh: Mesh) -> Bounded:
-    """Return the facts about a whole mesh that the bounds depend on."""
+def components_without_estimate(mesh: Mesh) -> Bools:
+    """Return the connected components, (c,), whose noise cannot be estimated.
+
+    They have fewer than FEWEST_COMPONENT_EDGES edges between two faces, or the mesh consists of the faces of voxels:
+    along voxel edges, the normals of both ends agree.
+    """
     topology = mesh.topology
     components = topology.face_components
     edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=int(components.max()) + 1)
-    return Bounded(edges < FEWEST_COMPONENT_EDGES, has_voxel_faces(mesh))
+    return (edges < FEWEST_COMPONENT_EDGES) | has_voxel_faces(mesh)

@@ -43,6 +43,16 @@ def test_few_or_no_faces_keep_what_they_have():
     assert quadric_normals(few, few.face_normals, every[:0]).shape == (0, 3)
 
 
+def test_faces_without_area_have_no_normal_and_no_influence():
+    flat = grid(20, 20)
+    vertices = flat.vertices.copy()
+    vertices[30] = vertices[31]
+    mesh = flat.moved(vertices)
+    fitted = quadric_normals(mesh, mesh.face_normals, np.arange(len(mesh.faces)))
+    assert (mesh.areas == 0).sum() == 2
+    np.testing.assert_allclose(fitted, mesh.face_normals, atol=1e-12)
+
+
 def test_the_other_side_of_an_edge_has_no_influence():
     """The fold of a sheet through 90° keeps the plane on either side."""
     flat = grid(20, 20)

@@ -39,6 +39,14 @@ def test_components_are_small_by_number_or_by_share(limit, dropped):
     np.testing.assert_array_equal(first, [np.flatnonzero(owners == number)[0] for number in dropped])
 
 
+def test_a_component_with_exactly_the_share_is_not_small():
+    fan = Mesh([[0, 0, 0], *([np.cos(k), np.sin(k), k] for k in range(101))], [[0, k, k + 1] for k in range(1, 101)])
+    for count in range(1, 100):  # 0.07 · 100 is above 7
+        mesh = together(Mesh(fan.vertices, fan.faces[:count]), fan)
+        assert not small_components(mesh, f"{count}%")[0].any()
+        assert small_components(mesh, f"{count}.1 %")[0].sum() == count
+
+
 def test_of_components_of_one_size_all_are_the_largest():
     assert not small_components(together(SMALL, SMALL), "100%")[0].any()
     assert not small_components(together(SMALL, SMALL), 1000)[0].any()

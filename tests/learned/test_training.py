@@ -20,7 +20,7 @@ from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed, training
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.network_training import TrainingFaces, angle_sum, chordal_distance, train_network
-from cascadenorm.learned.training.networks import TorchFeatures
+from cascadenorm.learned.training.networks import torch_features
 from cascadenorm.learned.training.training import informative_pairs, train_cascade
 from cascadenorm.mesh import limit_threads, unit
 
@@ -103,7 +103,7 @@ def test_features_to_learn_from_are_those_at_run_time():
         context_mean=context_mean, context_scale=context_scale,
     )  # fmt: skip
     context = scaler.context(packed, mesh).of()
-    learned = TorchFeatures(scaler, torch.device("cpu"))(torch.from_numpy(stack), torch.from_numpy(context))
+    learned = torch_features(scaler, torch.device("cpu"))(torch.from_numpy(stack), torch.from_numpy(context))
     np.testing.assert_allclose(learned, scaler.features(stack, context), rtol=0, atol=1e-5)
 
 

@@ -11,7 +11,7 @@ from cascadenorm.geometry.fairing import fair
 from cascadenorm.geometry.holes.refinement import refine
 from cascadenorm.geometry.holes.triangulation import triangulate_loop
 from cascadenorm.geometry.laplacians import Order
-from cascadenorm.mesh import Mesh, connected_components, in_frame, scatter_add, without_lines
+from cascadenorm.mesh import Mesh, in_frame, scatter_add, without_lines
 
 FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 
@@ -113,8 +113,7 @@ def _sorted(mesh: Mesh, max_edges: int | None, outer: Outer) -> Holes:
 
 def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
     """Return the indices of the loops that are the outer boundary of an open component."""
-    part = connected_components(mesh.topology.edges, len(mesh.vertices))
-    areas = np.bincount(part[mesh.faces[:, 0]], mesh.areas, minlength=len(mesh.vertices))
+    part, areas = mesh.topology.components, np.bincount(mesh.topology.face_components, mesh.areas)
     longest: dict[int, tuple[float, int]] = {}
     for number, loop in enumerate(loops):
         corners = np.mean([np.roll(mesh.vertices[loop], shift, axis=0) for shift in STRAIGHTENED], axis=0)
@@ -129,10 +128,8 @@ def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
 
     A vertex where holes touch belongs to each of their loops, once per loop. Loops are ordered by their lowest edges.
     """
-    single = mesh.topology.edge_faces.counts[mesh.topology.face_edges] == 1
-    starts, ends = np.roll(mesh.faces, -1, axis=1)[single], mesh.faces[single]  # opposite to the face
     onward: dict[int, list[int]] = {}
-    for start, end in sorted(zip(starts.tolist(), ends.tolist(), strict=True), reverse=True):
+    for start, end in sorted((edge[::-1] for edge in _faces_at_boundary(mesh)), reverse=True):  # opposite to the faces
         onward.setdefault(start, []).append(end)
     loops = []
     for start in sorted(onward):

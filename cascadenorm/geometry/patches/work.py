@@ -132,24 +132,16 @@ def face_rows(mesh: Mesh, work: Callable[..., NDArray[Any]], *, receptive_field:
 
 
 def moved_in_patches(
-    mesh: Mesh,
-    patching: Patching,
-    work: Callable[..., Vectors],
-    vertices: Vectors,
-    *,
-    receptive_field: int,
-    components: bool,
+    mesh: Mesh, patching: Patching, work: Callable[..., Vectors], vertices: Vectors, *, receptive_field: int
 ) -> Vectors:
     """Move (n, 3) vertices patch by patch; a vertex without a face stays in place.
 
-    The work is as in `each_patch`, called with the patch and its rows of `vertices`, and returns their new positions,
-    (k, 3). Positions in the halo may be wrong.
+    The work is as in `each_patch`, called with the patch, which has its `components`, and its rows of `vertices`, and
+    returns their new positions, (k, 3). Positions in the halo may be wrong.
     """
     out = vertices.copy()
     inside = partial(_inside_rows, work)
-    each = each_patch(
-        mesh, patching, inside, receptive_field=receptive_field, vertices=[vertices], components=components
-    )
+    each = each_patch(mesh, patching, inside, receptive_field=receptive_field, vertices=[vertices], components=True)
     for patch, rows in each:
         out[patch.vertex_numbers[patch.inside]] = rows
     return out

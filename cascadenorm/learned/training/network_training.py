@@ -13,7 +13,7 @@ from cascadenorm.learned.config import ConfigError, Fit
 from cascadenorm.learned.features import Array, FeatureScaler
 from cascadenorm.learned.stage import Activation
 from cascadenorm.learned.training import distributed
-from cascadenorm.learned.training.networks import Network, TorchFeatures
+from cascadenorm.learned.training.networks import Network, torch_features
 from cascadenorm.mesh import limit_threads
 
 GPU_MEMORY_FRACTION = 0.8
@@ -41,7 +41,7 @@ def features_on(device: torch.device, scaler: FeatureScaler) -> Callable[[Tensor
     On the CPU this is `FeatureScaler.features`, otherwise its torch version.
     """
     if device.type != "cpu":
-        return TorchFeatures(scaler, device)
+        return torch_features(scaler, device)
 
     def kernel(stack: Tensor, context: Tensor) -> Tensor:
         with limit_threads(1):

@@ -10,25 +10,21 @@ from cascadenorm.learned.features import FLOOR, FeatureScaler
 from cascadenorm.learned.stage import Activation
 
 
-class TorchFeatures:
-    """Compute `FeatureScaler.features` in torch."""
+def torch_features(scaler: FeatureScaler, device: torch.device) -> Callable[[Tensor, Tensor], Tensor]:
+    """Return a function that computes `FeatureScaler.features` in torch."""
+    first, second = torch.tensor(scaler.pairs.T.astype(int), device=device)
+    mean, scale, context_mean, context_scale = (
+        torch.tensor(array, device=device)
+        for array in (scaler.mean, scaler.scale, scaler.context_mean, scaler.context_scale)
+    )
 
-    def __init__(self, scaler: FeatureScaler, device: torch.device) -> None:
-        self._first, self._second = torch.tensor(scaler.pairs.T.astype(int), device=device)
-        self._mean, self._scale, self._context_mean, self._context_scale = (
-            torch.tensor(array, device=device)
-            for array in (scaler.mean, scaler.scale, scaler.context_mean, scaler.context_scale)
-        )
-
-    def own(self, stack: Tensor) -> Tensor:
-        """Return the normalised features of the faces without their context, (m, d)."""
+    def features(stack: Tensor, context: Tensor) -> Tensor:
         axes = stack.transpose(1, 2).contiguous()
-        x, y, z = (axes.index_select(2, self._first) - axes.index_select(2, self._second)).square_().unbind(dim=1)
-        return ((0.5 * (x + y + z) + FLOOR).log_() - self._mean).mul_(self._scale)
+        x, y, z = (axes.index_select(2, first) - axes.index_select(2, second)).square_().unbind(dim=1)
+        own = ((0.5 * (x + y + z) + FLOOR).log_() - mean).mul_(scale)
+        return torch.cat([own, (context - context_mean) * context_scale], dim=1)
 
-    def __call__(self, stack: Tensor, context: Tensor) -> Tensor:
-        """Return the normalised features of the faces and of their context, (m, d + c)."""
-        return torch.cat([self.own(stack), (context - self._context_mean) * self._context_scale], dim=1)
+    return features
 
 
 class Network(torch.nn.Module):
