@@ -115,6 +115,10 @@ def test_a_mesh_of_one_point_stays():
         ({"threads": 0}, "threads is 0"),
         ({"threads": "two"}, "threads is 'two'; it must be a whole number"),
         ({"fixed": {1, 2}}, "fixed is a set; it must be a list or an array"),
+        *(
+            ({name: [[0, 1], [2]]}, f"{name} is a list whose rows have different lengths")
+            for name in ("mask", "fixed", "only", "creases")
+        ),
         ({"progress": 3}, "progress is 3; it must be a function"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
         ({"method": "Bilatral-normal"}, "no method 'Bilatral-normal'; did you mean 'bilateral-normal'"),
