@@ -273,6 +273,15 @@ def test_a_layer_that_lists_prims_it_does_not_have_is_refused(tmp_path, at, byte
     assert done.returncode == 3 and "there is no mesh in this usdc file" in done.stderr
 
 
+@pytest.mark.parametrize(
+    "text", ['#usda 1.0\ndef Mesh "m" {\n int[] faceVertexCounts = [3', "#usda 9.0\n\n", "#usda 1.0\n("]
+)
+def test_messages_about_text_name_its_lines_and_no_temporary_file(text):
+    with pytest.raises(io.ReadError, match=r"OpenUSD cannot read this file: line \d+, column \d+: ") as caught:
+        read(text.encode(), "usda")
+    assert "/" not in str(caught.value).partition(" in <")[0] and "::" not in str(caught.value)
+
+
 def test_animated_points_are_refused():
     points = re.search(r"point3f\[\] points = (\[.*\])", SCENE)
     frames = f"point3f[] points.timeSamples = {{ 1: {points[1]}, 2: {points[1]} }}"
