@@ -218,8 +218,8 @@ def said(error: Exception) -> str:
     try:
         lines = [line for line in str(error).splitlines() if " : '" in line]
         text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
-        text = re.sub("Corrupt asset <[^>]*>: ", "", text)
+        text = re.sub("(Corrupt asset |, while reading )[<@][^>@]*[>@](: | - )?", "", text)
         text = PARSED_AT.sub(r"line \1, column \2: ", PARSER.sub("", text))
-        return (text.rstrip("'\" ") or reason(error))[:200]
+        return (text.rstrip("'\" ") or ("it is damaged" if lines else reason(error)))[:200]
     except UnicodeDecodeError:  # the message quotes bytes of the file
         return "it is damaged"
