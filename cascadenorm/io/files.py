@@ -4,6 +4,7 @@ import codecs
 import os
 import re
 from collections.abc import Iterable
+from io import TextIOBase
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -88,8 +89,6 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     """
     name, folder, data = _bytes_of(source)
     try:
-        if isinstance(data, str):
-            raise ReadError('the stream is a text stream: open the file in binary mode, "rb"')
         if not data:
             raise ReadError("the file is empty")
         if not is_binary_stl(data):
@@ -118,6 +117,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
     path = Path(target) if isinstance(target, str | os.PathLike) else None
+    check_stream(target)
     chosen = output_format(f".{format}" if format else target, file.format)
     if path:
         check_output(path, force=force)
@@ -170,6 +170,18 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
         for beside in file.may_write(path):
             check_output(beside, force=force)
         sidecar_files(file, path, force=force)
+
+
+def check_stream(target: Source) -> None:
+    """Raise OutputError if a target is neither a path nor a stream that takes bytes."""
+    if isinstance(target, str | os.PathLike):
+        return
+    if isinstance(target, TextIOBase):
+        raise OutputError(f'{stream_name(target)} is a text stream: open the file in binary mode, "wb"')
+    if not hasattr(target, "write"):
+        raise OutputError(f"a {type(target).__name__} is neither a path nor a stream of bytes")
+    if getattr(target, "closed", False):
+        raise OutputError(f"{stream_name(target)} cannot be written: it is closed")
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
@@ -263,7 +275,7 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
     if not isinstance(source, str | os.PathLike):
         if not hasattr(source, "read"):
             raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
-        return str(getattr(source, "name", "the stream")), None, source.read()
+        return stream_name(source), None, _all_of(source)
     if is_url(source):
         raise ReadError(f"{os.fspath(source)} is a URL: download the file first")
     path = Path(source)
@@ -275,6 +287,25 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
         raise ReadError(f"{path} does not exist: check the name") from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def stream_name(stream: object) -> str:
+    """Return the name of a stream for messages."""
+    name = getattr(stream, "name", None)
+    return name if isinstance(name, str) else "the stream"  # that of a temporary file is a number
+
+
+def _all_of(stream: BinaryIO) -> bytes:
+    """Return all bytes of a stream. Raises ReadError."""
+    text = isinstance(stream, TextIOBase)
+    try:
+        data = b"" if text else stream.read()
+    except (OSError, ValueError) as error:  # ValueError: the stream is closed
+        why = getattr(error, "strerror", None) or error
+        raise ReadError(f"{stream_name(stream)} cannot be read: {why}") from error
+    if text or isinstance(data, str):
+        raise ReadError(f'{stream_name(stream)} is a text stream: open the file in binary mode, "rb"')
+    return bytes(data or b"")
 
 
 def _sniffed(data: bytes) -> str | None:
