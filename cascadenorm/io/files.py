@@ -4,9 +4,10 @@ import codecs
 import os
 import re
 from collections.abc import Iterable
-from io import TextIOBase
+from io import BytesIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO, cast
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +33,7 @@ from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
+from cascadenorm.io.usd.layers import LAYER_EXTENSIONS
 from cascadenorm.io.usd.usd import UsdaFile, UsdcFile, UsdFile, UsdzFile, layer_format
 from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
 from cascadenorm.io.vtk import AbaqusFile, GmshFile, VtkFile, VtuFile
@@ -53,6 +55,12 @@ OPTIONAL: dict[str, type[MeshFile]] = {
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
 """Lines that identify an OBJ file."""
+
+ABAQUS = re.compile(rb"\s*(?:\*\*[^\r\n]*[\r\n]\s*)*\*(?:heading|node)\b", re.I)
+"""Beginning of an Abaqus file, after lines of comments."""
+
+XML_GRIDS = {b'type="PolyData"': PolyDataFile.format, b'type="UnstructuredGrid"': VtuFile.format}
+"""Formats by the type of data of a VTK file in XML."""
 
 BEGINNINGS = {
     **dict.fromkeys((b"ply\n", b"ply\r", b"ply "), "ply"),
@@ -315,10 +323,16 @@ def _sniffed(data: bytes) -> str | None:
     for beginning, format in BEGINNINGS.items():
         if data.startswith(beginning):
             return format
+    if data.startswith(b"PK"):
+        return _sniffed_archive(data)
     if b"<GIFTI" in data[:1000]:
         return GiftiFile.format
-    if b'type="PolyData"' in data[:1000] and b"<VTKFile" in data[:1000]:
-        return "vtp"
+    if b"<COLLADA" in data[:1000]:
+        return ColladaFile.format
+    if b"<VTKFile" in data[:1000]:
+        return next((format for kind, format in XML_GRIDS.items() if kind in data[:1000]), None)
+    if ABAQUS.match(data):
+        return AbaqusFile.format
     if data.lstrip().startswith(b"{") and b'"asset"' in data:
         return "gltf"
     if OFF_HEADER.match(data):
@@ -327,6 +341,18 @@ def _sniffed(data: bytes) -> str | None:
         return "stl"
     faces = data.rfind(b"\nf ") >= 0 or OBJ_FACE.search(data)  # most files end with faces
     return "obj" if faces and OBJ_VERTEX.search(data, 0, 100_000) else None
+
+
+def _sniffed_archive(data: bytes) -> str | None:
+    """Detect the format of a ZIP archive from the names in it."""
+    try:
+        with ZipFile(BytesIO(data)) as archive:
+            names = [name.lower() for name in archive.namelist()]
+    except Exception:  # any error for a damaged archive
+        return None
+    if any(name.endswith(".model") for name in names):
+        return ThreemfFile.format
+    return UsdzFile.format if names and names[0].endswith(LAYER_EXTENSIONS) else None
 
 
 def is_url(name: object) -> bool:
