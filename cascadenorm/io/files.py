@@ -274,7 +274,8 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
         The arrays are not a valid mesh.
     """
     mesh = Mesh(vertices, faces)
-    kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
+    given = getattr(vertices, "dtype", None)  # in either byte order
+    kind = np.float32 if given in (np.dtype("<f4"), np.dtype(">f4")) else np.float64
     return ArraysFile(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64)))
 
 
