@@ -97,6 +97,7 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
     attributes = _attributes(file)
     if mask in attributes:
         values = attributes[mask]
+        values = values / 255 if values.dtype == np.uint8 else values
     elif mask.endswith(ARRAY_FILES):
         values = _read_table("mask", mask, 1)[:, 0]
     else:
@@ -105,7 +106,7 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
             f"{_listed(attributes)}",
             parameter="mask",
         )
-    return _reduce_copies(values / 255 if values.dtype == np.uint8 else values, file.welds, np.minimum)
+    return _reduce_copies(values, file.welds, np.minimum)
 
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
