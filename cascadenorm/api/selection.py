@@ -172,7 +172,8 @@ def _reduce_copies(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_l
         return values
     joined = np.empty(welds.max(initial=-1) + 1, values.dtype)
     joined[welds] = values
-    smallest_or_largest.at(joined, welds, values)
+    with np.errstate(invalid="ignore"):  # NaN, which is rejected where the values are used
+        smallest_or_largest.at(joined, welds, values)
     return joined
 
 

@@ -107,6 +107,7 @@ def test_a_mesh_of_one_point_stays():
         ({"strength": float("nan")}, "strength is nan"),
         ({"mask": [True]}, r"mask has shape \(1,\)"),
         ({"mask": np.full(162, 1.5)}, r"mask has 162 weights that are not within 0 … 1 \(vertices 0, 1, 2, …\)"),
+        ({"mask": np.full(162, np.nan)}, r"mask has 162 weights that are not within 0 … 1"),
         ({"fixed": [3, 500]}, "fixed references vertex 500; there are 162 vertices"),
         ({"fixed": [0.5]}, "fixed has shape"),
         ({"max_displacement": -0.1}, "max_displacement is -0.1"),
