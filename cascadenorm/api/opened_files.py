@@ -19,7 +19,7 @@ from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError, counted
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
-from cascadenorm.io.files import beside, check_extension, check_target, is_url
+from cascadenorm.io.files import beside, check_extension, check_stream, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
 from cascadenorm.mesh import Mesh, row_lengths, without_lines
@@ -289,6 +289,8 @@ def _checked_output(
         check_output(Path(output), force=force)
         if not is_special(output):
             _check_format(source, output)
-    elif format is not None:
-        io.output_format(output, format)
+    else:
+        check_stream(output)
+        if format is not None:
+            io.output_format(output, format)
     return output

@@ -33,7 +33,7 @@ class SeamlessMesh(NamedTuple):
             return cls(given, mesh.vertices, np.arange(len(mesh.vertices), dtype=np.int32), mesh)
         checked_mesh = isolated if isolate else Mesh
         vertices, faces = given if is_pair(given) else adapter(given).arrays(given)
-        vertices, mesh = np.asarray(vertices), checked_mesh(vertices, faces)
+        mesh, vertices = checked_mesh(vertices, faces), np.asarray(vertices)
         kept = ~bad_faces(vertices, faces) if isolate else None
         if is_pair(given):
             return cls(given, vertices, np.arange(len(vertices), dtype=np.int32), mesh, kept)

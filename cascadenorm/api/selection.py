@@ -97,6 +97,7 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
     attributes = _attributes(file)
     if mask in attributes:
         values = attributes[mask]
+        values = values / 255 if values.dtype == np.uint8 else values
     elif mask.endswith(ARRAY_FILES):
         values = _read_table("mask", mask, 1)[:, 0]
     else:
@@ -105,7 +106,7 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
             f"{_listed(attributes)}",
             parameter="mask",
         )
-    return _reduce_copies(values / 255 if values.dtype == np.uint8 else values, file.welds, np.minimum)
+    return _reduce_copies(values, file.welds, np.minimum)
 
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:
@@ -171,7 +172,8 @@ def _reduce_copies(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_l
         return values
     joined = np.empty(welds.max(initial=-1) + 1, values.dtype)
     joined[welds] = values
-    smallest_or_largest.at(joined, welds, values)
+    with np.errstate(invalid="ignore"):  # NaN, which is rejected where the values are used
+        smallest_or_largest.at(joined, welds, values)
     return joined
 
 

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for, sums_in_blocks
@@ -19,6 +19,14 @@ Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
 Vectors = NDArray[np.float64]
 """(k, 3) float64: positions, normals or displacements."""
+
+
+def as_array(values: ArrayLike, error: Exception) -> NDArray[Any]:
+    """Return values as an array; raise the error for a list whose rows have different lengths."""
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise error from None
 
 
 def unit(vectors: NDArray[Any], otherwise: NDArray[Any] | None = None) -> Vectors:

@@ -63,6 +63,8 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None =
     (n,), is the mesh vertex of each vertex index in `creases`; None means that they are equal. Raises ParameterError if
     an angle is outside 0 … 180, or a pair is not an edge.
     """
+    if isinstance(creases, np.ndarray) and creases.ndim == 0:
+        creases = creases.item()
     if isinstance(creases, numbers.Real) and not isinstance(creases, bool):
         if not 0 <= creases <= 180:
             raise ParameterError(f"is {creases!r}; an angle in degrees must be within 0 … 180", parameter="creases")

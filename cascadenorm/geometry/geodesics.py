@@ -14,6 +14,7 @@ from cascadenorm.mesh import (
     Ints32,
     Mesh,
     Vectors,
+    as_array,
     in_frame,
     kernel,
     parallel_for,
@@ -131,9 +132,10 @@ def _unit_flux(
 
 def _checked_sources(sources: ArrayLike, count: int) -> Ints:
     """Return the unique sources, ascending; raise ParameterError if they are not vertices."""
-    given = np.atleast_1d(np.asarray(sources))
+    wrong_type = ParameterError("must be a vertex index or several", parameter="sources")
+    given = np.atleast_1d(as_array(sources, wrong_type))
     if given.ndim != 1 or not len(given) or given.dtype.kind not in "iu":
-        raise ParameterError("must be a vertex index or several", parameter="sources")
+        raise wrong_type
     wrong = given[(given < 0) | (given >= count)]
     if len(wrong):
         raise ParameterError(f"contains {wrong[0]}; vertex indices go from 0 to {count - 1}", parameter="sources")

@@ -38,6 +38,8 @@ def check_output(path: Path, *, force: bool) -> None:
         raise OutputError(f"{path} is a folder: give the name of a file in it")
     folder = target.parent if path.is_symlink() else path.parent
     if not target.parent.is_dir():
+        if url := re.match(r"([A-Za-z][A-Za-z0-9+.-]+:/)(.*)", path.as_posix(), re.DOTALL):  # a path loses a slash
+            raise OutputError(f"{url[1]}/{url[2]} is a URL: give the name of a local file")
         raise OutputError(f"the folder {folder} does not exist: create it first")
     if stat.S_ISREG(mode) and not force:
         raise OutputError(f"{path} exists already", hint="choose another name", remedy=("force", True))

@@ -4,8 +4,10 @@ import codecs
 import os
 import re
 from collections.abc import Iterable
+from io import BytesIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO, cast
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +33,7 @@ from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
 from cascadenorm.io.sidecar_files import sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
+from cascadenorm.io.usd.layers import LAYER_EXTENSIONS
 from cascadenorm.io.usd.usd import UsdaFile, UsdcFile, UsdFile, UsdzFile, layer_format
 from cascadenorm.io.via_trimesh import TRIMESH_NEEDS, trimesh_formats, trimesh_kind
 from cascadenorm.io.vtk import AbaqusFile, GmshFile, VtkFile, VtuFile
@@ -52,6 +55,12 @@ OPTIONAL: dict[str, type[MeshFile]] = {
 
 OBJ_VERTEX, OBJ_FACE = (re.compile(rb"(?:\A|[\r\n])[ \t]*" + word + rb"[ \t]", re.I) for word in (b"v", b"f"))
 """Lines that identify an OBJ file."""
+
+ABAQUS = re.compile(rb"\s*(?:\*\*[^\r\n]*[\r\n]\s*)*\*(?:heading|node)\b", re.I)
+"""Beginning of an Abaqus file, after lines of comments."""
+
+XML_GRIDS = {b'type="PolyData"': PolyDataFile.format, b'type="UnstructuredGrid"': VtuFile.format}
+"""Formats by the type of data of a VTK file in XML."""
 
 BEGINNINGS = {
     **dict.fromkeys((b"ply\n", b"ply\r", b"ply "), "ply"),
@@ -88,8 +97,6 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     """
     name, folder, data = _bytes_of(source)
     try:
-        if isinstance(data, str):
-            raise ReadError('the stream is a text stream: open the file in binary mode, "rb"')
         if not data:
             raise ReadError("the file is empty")
         if not is_binary_stl(data):
@@ -118,6 +125,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
     path = Path(target) if isinstance(target, str | os.PathLike) else None
+    check_stream(target)
     chosen = output_format(f".{format}" if format else target, file.format)
     if path:
         check_output(path, force=force)
@@ -170,6 +178,18 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
         for beside in file.may_write(path):
             check_output(beside, force=force)
         sidecar_files(file, path, force=force)
+
+
+def check_stream(target: Source) -> None:
+    """Raise OutputError if a target is neither a path nor a stream that takes bytes."""
+    if isinstance(target, str | os.PathLike):
+        return
+    if isinstance(target, TextIOBase):
+        raise OutputError(f'{stream_name(target)} is a text stream: open the file in binary mode, "wb"')
+    if not hasattr(target, "write"):
+        raise OutputError(f"a {type(target).__name__} is neither a path nor a stream of bytes")
+    if getattr(target, "closed", False):
+        raise OutputError(f"{stream_name(target)} cannot be written: it is closed")
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
@@ -254,7 +274,8 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
         The arrays are not a valid mesh.
     """
     mesh = Mesh(vertices, faces)
-    kind = np.float32 if getattr(vertices, "dtype", None) == np.float32 else np.float64
+    given = getattr(vertices, "dtype", None)  # in either byte order
+    kind = np.float32 if given in (np.dtype("<f4"), np.dtype(">f4")) else np.float64
     return ArraysFile(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64)))
 
 
@@ -263,7 +284,7 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
     if not isinstance(source, str | os.PathLike):
         if not hasattr(source, "read"):
             raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
-        return str(getattr(source, "name", "the stream")), None, source.read()
+        return stream_name(source), None, _all_of(source)
     if is_url(source):
         raise ReadError(f"{os.fspath(source)} is a URL: download the file first")
     path = Path(source)
@@ -277,6 +298,25 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
         raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
+def stream_name(stream: object) -> str:
+    """Return the name of a stream for messages."""
+    name = getattr(stream, "name", None)
+    return name if isinstance(name, str) else "the stream"  # that of a temporary file is a number
+
+
+def _all_of(stream: BinaryIO) -> bytes:
+    """Return all bytes of a stream. Raises ReadError."""
+    text = isinstance(stream, TextIOBase)
+    try:
+        data = b"" if text else stream.read()
+    except (OSError, ValueError) as error:  # ValueError: the stream is closed
+        why = getattr(error, "strerror", None) or error
+        raise ReadError(f"{stream_name(stream)} cannot be read: {why}") from error
+    if text or isinstance(data, str):
+        raise ReadError(f'{stream_name(stream)} is a text stream: open the file in binary mode, "rb"')
+    return bytes(data or b"")
+
+
 def _sniffed(data: bytes) -> str | None:
     """Detect the format from the content."""
     if is_binary_stl(data):  # its header may begin like another format
@@ -284,10 +324,16 @@ def _sniffed(data: bytes) -> str | None:
     for beginning, format in BEGINNINGS.items():
         if data.startswith(beginning):
             return format
+    if data.startswith(b"PK"):
+        return _sniffed_archive(data)
     if b"<GIFTI" in data[:1000]:
         return GiftiFile.format
-    if b'type="PolyData"' in data[:1000] and b"<VTKFile" in data[:1000]:
-        return "vtp"
+    if b"<COLLADA" in data[:1000]:
+        return ColladaFile.format
+    if b"<VTKFile" in data[:1000]:
+        return next((format for kind, format in XML_GRIDS.items() if kind in data[:1000]), None)
+    if ABAQUS.match(data):
+        return AbaqusFile.format
     if data.lstrip().startswith(b"{") and b'"asset"' in data:
         return "gltf"
     if OFF_HEADER.match(data):
@@ -296,6 +342,18 @@ def _sniffed(data: bytes) -> str | None:
         return "stl"
     faces = data.rfind(b"\nf ") >= 0 or OBJ_FACE.search(data)  # most files end with faces
     return "obj" if faces and OBJ_VERTEX.search(data, 0, 100_000) else None
+
+
+def _sniffed_archive(data: bytes) -> str | None:
+    """Detect the format of a ZIP archive from the names in it."""
+    try:
+        with ZipFile(BytesIO(data)) as archive:
+            names = [name.lower() for name in archive.namelist()]
+    except Exception:  # any error for a damaged archive
+        return None
+    if any(name.endswith(".model") for name in names):
+        return ThreemfFile.format
+    return UsdzFile.format if names and names[0].endswith(LAYER_EXTENSIONS) else None
 
 
 def is_url(name: object) -> bool:

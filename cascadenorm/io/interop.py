@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
 from cascadenorm.io import polydata, vtk
+from cascadenorm.io.files import stream_name
 from cascadenorm.mesh import Mesh, MeshError
 from cascadenorm.mesh.normals import Normals, renewed_normals
 from cascadenorm.mesh.welding import weld
@@ -108,7 +109,7 @@ def is_stored(source: object) -> bool:
 def source_name(source: Any) -> str:
     """Return the name of a file or a stream for messages, and for other meshes what kind they are."""
     if is_stored(source):
-        return fspath(source) if isinstance(source, str | PathLike) else str(getattr(source, "name", "the stream"))
+        return fspath(source) if isinstance(source, str | PathLike) else stream_name(source)
     if isinstance(source, io.MeshFile):
         return f"the {source.format} file"
     return "arrays" if is_pair(source) else type(source).__name__

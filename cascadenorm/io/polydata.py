@@ -48,12 +48,12 @@ class PolyDataFile(MeshFile):
         from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
         check_xml_arrays(self.data)
-        return self._read_by(vtkXMLPolyDataReader())
+        return self._read_by(vtkXMLPolyDataReader(), self.data)
 
-    def _read_by(self, reader: Any) -> Any:
+    def _read_by(self, reader: Any, data: bytes) -> Any:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"surface.{self.format}"
-            path.write_bytes(self.data)
+            path.write_bytes(data)
             reader.SetFileName(str(path))
             said = _run(reader.Update)
         if said or reader.GetErrorCode():
@@ -119,15 +119,20 @@ class LegacyPolyDataFile(PolyDataFile):
         reader = vtkPolyDataReader()
         for kind in ("Scalars", "Vectors", "Normals", "Tensors", "TCoords", "Fields"):
             getattr(reader, f"ReadAll{kind}On")()
-        return self._read_by(reader)
+        # In a text file that is cut within a number, VTK would leave all further numbers uninitialised without an error
+        return self._read_by(reader, self.data if self._is_binary() else self.data + b"\n")
 
     def _written(self, surface: Any) -> bytes:
         from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
 
-        writer, head = vtkPolyDataWriter(), LEGACY.match(self.data)
-        if head is not None and head[1].upper() == b"BINARY":
+        writer = vtkPolyDataWriter()
+        if self._is_binary():
             writer.SetFileTypeToBinary()
         return _written_by(writer, surface, self.format)
+
+    def _is_binary(self) -> bool:
+        head = LEGACY.match(self.data)
+        return head is not None and head[1].upper() == b"BINARY"
 
 
 FLOATS = ("float", "double")
@@ -197,4 +202,4 @@ def _run(work: Any) -> str:
     if not errors:
         return ""
     said = next((line for line in lines[errors[0] + 1 :] if line), lines[errors[0]])
-    return said.rpartition("): ")[2][:200]
+    return re.sub(r"!? for file: .*", "", said.rpartition("): ")[2])[:200]  # the name of a temporary file

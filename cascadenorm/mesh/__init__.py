@@ -12,6 +12,7 @@ from cascadenorm.compute.arrays import (
     all_in_rows,
     angles_between,
     any_in_rows,
+    as_array,
     box_of,
     doubled,
     first_of_each,
@@ -51,11 +52,11 @@ from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
 from cascadenorm.mesh.topology import Topology, connected_components
 
 __all__ = [
-    "SMALLEST_COSTLY_CHUNK", "Bools", "Bytes", "Csr", "Floats", "Floats32", "Frame", "Index", "Ints", "Ints32",
-    "Mesh", "MeshError", "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows",
+    "SMALLEST_COSTLY_CHUNK", "Bools", "Bytes", "Csr", "Floats", "Floats32", "Frame", "Index", "Ints", "Ints32", "Mesh",
+    "MeshError", "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "as_array",
     "bad_faces", "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
     "first_places", "frame_of", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
     "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats", "repeats_vertex",
-    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "sums_in_blocks",
-    "thread_count", "unit", "with_part_moved", "without_lines", "without_repeated_faces",
+    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count",
+    "unit", "with_part_moved", "without_lines", "without_repeated_faces",
 ]  # fmt: skip

@@ -8,7 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import display
-from cascadenorm.compute.arrays import Floats, Ints32, Vectors, box_of, first_places, row_distances, row_lengths, unit
+from cascadenorm.compute.arrays import (
+    Floats,
+    Ints32,
+    Vectors,
+    as_array,
+    box_of,
+    first_places,
+    row_distances,
+    row_lengths,
+    unit,
+)
 from cascadenorm.compute.csr import Csr
 from cascadenorm.compute.freed_memory import return_freed_memory
 from cascadenorm.compute.kernels import kernel
@@ -57,7 +67,7 @@ class Mesh:
             The array has another shape.
         """
         mesh = object.__new__(Mesh)
-        mesh.vertices = np.array(vertices, np.float64, order="C")
+        mesh.vertices = vertex_array(vertices)
         if mesh.vertices.shape != self.vertices.shape:
             raise MeshError(f"the vertices have shape {mesh.vertices.shape}; it must stay {self.vertices.shape}")
         mesh.faces, mesh.topology = self.faces, self.topology
@@ -269,7 +279,9 @@ def _scaled(length: np.floating[Any], exponent: int) -> float:
 
 def vertex_array(vertices: ArrayLike) -> Vectors:
     """Return a float64 copy of the vertices; raise MeshError unless they are (n, 3) numbers, finite or not."""
-    array = np.asarray(vertices)
+    array = as_array(
+        vertices, MeshError("vertices are a list whose rows have different lengths; they must be (n, 3) numbers")
+    )
     if array.ndim == 0:
         kind = type(vertices).__name__
         raise MeshError(
@@ -283,7 +295,9 @@ def vertex_array(vertices: ArrayLike) -> Vectors:
 
 def face_array(faces: ArrayLike) -> NDArray[Any]:
     """Return the faces as an array; raise MeshError unless they are (m, 3) integers, in range or not."""
-    array = np.asarray(faces)
+    array = as_array(
+        faces, MeshError("faces are a list whose rows have different lengths; they must be (m, 3) integers")
+    )
     if array.size == 0:
         return np.zeros((0, 3), np.int32)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":

@@ -240,6 +240,10 @@ def checked_controls(given: Mapping[str, Any]) -> Controls:
             parsed_length(name, controls[name])
         elif isinstance(controls[name], set | frozenset):
             raise ParameterError("is a set; it must be a list or an array", parameter=name)
+        elif isinstance(controls[name], list | tuple):
+            from cascadenorm.mesh import as_array  # the command line imports this module without numpy
+
+            as_array(controls[name], ParameterError("is a list whose rows have different lengths", parameter=name))
     if controls["progress"] is not None and not callable(controls["progress"]):
         raise ParameterError(f"is {controls['progress']!r}; it must be a function", parameter="progress")
     return cast(Controls, controls)

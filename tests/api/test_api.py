@@ -107,6 +107,7 @@ def test_a_mesh_of_one_point_stays():
         ({"strength": float("nan")}, "strength is nan"),
         ({"mask": [True]}, r"mask has shape \(1,\)"),
         ({"mask": np.full(162, 1.5)}, r"mask has 162 weights that are not within 0 … 1 \(vertices 0, 1, 2, …\)"),
+        ({"mask": np.full(162, np.nan)}, r"mask has 162 weights that are not within 0 … 1"),
         ({"fixed": [3, 500]}, "fixed references vertex 500; there are 162 vertices"),
         ({"fixed": [0.5]}, "fixed has shape"),
         ({"max_displacement": -0.1}, "max_displacement is -0.1"),
@@ -115,6 +116,10 @@ def test_a_mesh_of_one_point_stays():
         ({"threads": 0}, "threads is 0"),
         ({"threads": "two"}, "threads is 'two'; it must be a whole number"),
         ({"fixed": {1, 2}}, "fixed is a set; it must be a list or an array"),
+        *(
+            ({name: [[0, 1], [2]]}, f"{name} is a list whose rows have different lengths")
+            for name in ("mask", "fixed", "only", "creases")
+        ),
         ({"progress": 3}, "progress is 3; it must be a function"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
         ({"method": "Bilatral-normal"}, "no method 'Bilatral-normal'; did you mean 'bilateral-normal'"),

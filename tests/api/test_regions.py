@@ -167,3 +167,19 @@ def test_bad_vertices_and_faces_of_regions_are_isolated(halves, kind):
     np.testing.assert_array_equal(mine[:-1], whole[0].vertices)
     np.testing.assert_array_equal(mine[-1], (np.nan, 0, 0))
     np.testing.assert_array_equal(theirs.vertices, whole[1].vertices)
+
+
+def test_two_files_of_one_output_are_refused_before_anything_is_written(tmp_path):
+    paths = [tmp_path / side / "a.ply" for side in ("left", "right")]
+    for path in paths:
+        path.parent.mkdir()
+        save_mesh(path, noisy(icosphere(1), 0.1))
+    for force in (False, True):
+        with pytest.raises(
+            cn.OutputError, match=r"left.a\.ply and .*right.a\.ply would both be written to .*out.a\.ply"
+        ):
+            cn.denoise_region_files(paths, tmp_path / "out", method="laplacian", force=force)
+        with pytest.raises(cn.OutputError, match=r"a\.ply is given twice"):
+            cn.denoise_region_files([paths[0], str(paths[0])], method="laplacian", force=force)
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(paths)
+    assert not (tmp_path / "out").exists()

@@ -67,6 +67,15 @@ def test_colours_are_masks_too(ball):
     np.testing.assert_array_equal(denoised("ball.obj", mask="green"), BALL.vertices)
 
 
+def test_a_file_of_weights_is_not_scaled_whatever_its_type(ball):
+    held = (SOFT > 0.5).astype(np.uint8)
+    np.save("held.npy", held)
+    np.testing.assert_array_equal(denoised(mask="held.npy"), expected(mask=held))
+    np.save("paint.npy", PAINT)
+    with pytest.raises(cn.ParameterError, match="weights that are not within 0 … 1"):
+        denoised(mask="paint.npy")
+
+
 def test_fixed_is_numbers_an_attribute_or_a_file(ball):
     numbers = [0, 5, *range(7, 21)]
     np.save("numbers.npy", numbers)

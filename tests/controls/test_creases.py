@@ -24,6 +24,7 @@ def test_an_angle_finds_the_sharper_edges():
     assert SHARP.sum() == 12 * 6
     ends = np.abs(BOX.vertices[EDGES[SHARP]])
     assert ((ends == 1).sum(axis=2) >= 2).all()
+    assert np.array_equal(crease_edges(BOX, np.array(45)), SHARP)  # as numpy loads a single number
     assert not crease_edges(BOX, 91).any() and not crease_edges(grid(3, 3), 0).any()
     for angle in (20, 70, 130):
         mesh = roof(4, angle)

@@ -108,7 +108,13 @@ def test_faces_without_extent_are_refused(place):
 
 @pytest.mark.parametrize(
     "sources, words",
-    [([], "a vertex index"), ([0.5], "a vertex index"), ([-1], "contains -1"), (42, "vertex indices go from 0 to 41")],
+    [
+        ([], "a vertex index"),
+        ([0.5], "a vertex index"),
+        ([[0, 1], [2]], "a vertex index"),
+        ([-1], "contains -1"),
+        (42, "vertex indices go from 0 to 41"),
+    ],
 )
 def test_wrong_sources_are_refused(sources, words):
     ball = icosphere(1)

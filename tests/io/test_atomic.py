@@ -188,6 +188,12 @@ def test_names_that_cannot_be_are_refused_in_words(ball, capsys):
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("url", ["https://example.org/a.ply", "s3://bucket/folder/a.ply"])
+def test_an_output_at_a_url_is_refused_in_words(url, ball, capsys):
+    assert run(["denoise", "ball.ply", *FAST, "-o", url]) == 5
+    assert f"{url} is a URL: give the name of a local file" in capsys.readouterr().err
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows does not remove the current folder")
 def test_a_current_folder_that_was_removed_is_named(tmp_path, monkeypatch):
     (tmp_path / "gone").mkdir()

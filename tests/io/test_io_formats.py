@@ -12,7 +12,7 @@ import cascadenorm as cn
 from cascadenorm import io
 from cascadenorm.cli import run
 from cascadenorm.io.content import Content
-from cascadenorm.io.files import FORMATS
+from cascadenorm.io.files import FORMATS, OPTIONAL
 from cascadenorm.mesh import Mesh, MeshError
 from cascadenorm.mesh.polygons import Polygons
 
@@ -24,6 +24,23 @@ OFF_TETRAHEDRON = b"\n".join(
 def encoded(mesh: Mesh, format: str) -> io.MeshFile:
     polygons = Polygons.from_rows(mesh.faces.astype(np.int64))
     return FORMATS[format](b"".join(FORMATS[format].encode(Content(mesh.vertices, polygons))[0]))
+
+
+@pytest.mark.parametrize("format", ["3mf", "dae", "vtu", "vtp", "inp", "usdz"])
+def test_content_decides_the_format_of_xml_archives_and_grids(format, tmp_path):
+    kind = {**FORMATS, **OPTIONAL}[format]
+    if kind.needs[0]:
+        pytest.importorskip(kind.needs[0])
+    path = tmp_path / "a.ply"
+    with path.open("wb") as stream:
+        io.write(read(PLY_TEXT), stream, format=format)
+    assert cn.read(path).format == format
+    data = path.read_bytes()
+    if format in ("3mf", "usdz"):
+        with pytest.raises(io.ReadError, match="the content is not a supported mesh format"):
+            read(data[:-30])  # without its list of files
+    if format == "inp":
+        assert read(b"** a comment\n\n** and another\n" + data).format == format
 
 
 def test_obj_seam_moves_together():

@@ -2,8 +2,10 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
+import tempfile
 import threading
 
 import pytest
@@ -36,6 +38,60 @@ def test_a_stream_that_takes_few_bytes_at_a_time_gets_all():
     stream = Short()
     write_stream(stream, PIECES)
     assert stream.taken == WHOLE
+
+
+def closed(stream):
+    stream.close()
+    return stream
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: closed(io.BytesIO(PLY_TEXT)), "the stream cannot be read: I/O operation on closed file"),
+        (lambda path: path.open("ab"), "b.ply cannot be read: "),
+        (lambda path: path.open(encoding="ascii"), 'b.ply is a text stream: open the file in binary mode, "rb"'),
+        (lambda path: io.StringIO("OFF"), 'the stream is a text stream: open the file in binary mode, "rb"'),
+        (
+            lambda path: tempfile.TemporaryFile(),  # noqa: SIM115 - the test closes it
+            "the stream: the file is empty",
+        ),
+    ],
+    ids=["closed", "for writing", "text", "text in memory", "empty"],
+)
+def test_streams_that_cannot_be_read_are_refused(make, words, tmp_path):
+    (tmp_path / "b.ply").write_bytes(b"\xff" + PLY_TEXT)
+    stream = make(tmp_path / "b.ply")
+    with pytest.raises(cn.ReadError, match=re.escape(words)):
+        cn.read(stream)
+    stream.close()
+
+
+def test_a_stream_of_any_kind_of_bytes_is_read():
+    class Views:
+        def read(self):
+            return memoryview(PLY_TEXT)
+
+    assert cn.read(Views()).data == PLY_TEXT
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        (closed(io.BytesIO()), "the stream cannot be written: it is closed"),
+        (io.StringIO(), 'the stream is a text stream: open the file in binary mode, "wb"'),
+        (cn.read(io.BytesIO(PLY_TEXT)), "a PlyFile is neither a path nor a stream of bytes"),
+        (b"a.ply", "a bytes is neither a path nor a stream of bytes"),
+    ],
+    ids=["closed", "text", "mesh", "bytes"],
+)
+def test_targets_that_take_no_bytes_are_refused_before_anything_is_read(target, words):
+    with pytest.raises(OutputError, match=re.escape(words)):
+        cn.write(cn.read(io.BytesIO(PLY_TEXT)), target)
+    source = io.BytesIO(PLY_TEXT)
+    with pytest.raises(OutputError, match=re.escape(words)):
+        cn.denoise_file(source, target)
+    assert source.tell() == 0
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no FIFOs here")

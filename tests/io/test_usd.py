@@ -259,6 +259,18 @@ def test_damaged_bytes_are_refused(capfd):
     assert capfd.readouterr().out == ""
 
 
+def test_messages_about_damaged_binary_layers_name_no_temporary_file():
+    data = stored(SCENE.encode(), "usdc")
+    said = set()
+    for at in range(88, len(data), 9):
+        try:
+            read(data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :], "usdc")
+        except io.ReadError as error:
+            said.add(str(error))
+    assert any("OpenUSD cannot read this file: Encountered: " in text for text in said)
+    assert not [text for text in said if re.search(r"\d\.usd|: $", text)]
+
+
 @pytest.mark.parametrize(("at", "byte"), [(96, 7), (97, 8)])
 def test_a_layer_that_lists_prims_it_does_not_have_is_refused(tmp_path, at, byte):
     """The number of children of the root is damaged; OpenUSD aborts if it is asked for what they refer to."""
@@ -271,6 +283,15 @@ def test_a_layer_that_lists_prims_it_does_not_have_is_refused(tmp_path, at, byte
     command = [sys.executable, "-m", "cascadenorm", "inspect", str(tmp_path / "bad.usdc")]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 3 and "there is no mesh in this usdc file" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "text", ['#usda 1.0\ndef Mesh "m" {\n int[] faceVertexCounts = [3', "#usda 9.0\n\n", "#usda 1.0\n("]
+)
+def test_messages_about_text_name_its_lines_and_no_temporary_file(text):
+    with pytest.raises(io.ReadError, match=r"OpenUSD cannot read this file: line \d+, column \d+: ") as caught:
+        read(text.encode(), "usda")
+    assert "/" not in str(caught.value).partition(" in <")[0] and "::" not in str(caught.value)
 
 
 def test_animated_points_are_refused():

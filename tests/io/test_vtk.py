@@ -351,6 +351,27 @@ def test_legacy_polydata_that_declares_more_than_it_holds_is_refused(line, tmp_p
     assert capfd.readouterr() == ("", "")
 
 
+def test_legacy_polydata_in_text_that_is_cut_within_its_numbers_is_refused(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    vtk = pytest.importorskip("vtkmodules.vtkIOLegacy")
+    made = surface(pyvista)
+    made.GetPointData().SetActiveNormals("Normals")  # written last
+    writer = vtk.vtkPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetInputData(made)
+    writer.Write()
+    data = (tmp_path / "a.vtk").read_bytes()
+    assert np.array_equal(read(data.rstrip(), "vtk").positions, read(data, "vtk").positions)
+    for start in (data.index(b"POINTS"), data.index(b"CONNECTIVITY"), data.rindex(b"LOOKUP_TABLE")):
+        for end in range(start + 60, start + 90):
+            with pytest.raises(io.ReadError, match=r"VTK cannot read this as vtk: |there are no faces"):
+                read(data[:end], "vtk")
+    for end in range(data.rindex(b"Normals"), len(data.rstrip())):
+        with pytest.raises(io.ReadError, match="VTK cannot read this as vtk: ") as caught:
+            read(data[:end], "vtk")
+        assert str(tmp_path.parent.parent) not in str(caught.value) and "surface.vtk" not in str(caught.value)
+
+
 def test_errors_and_warnings_of_the_libraries_are_not_printed(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     meshio.Mesh(SHEET.vertices, [("triangle", SHEET.faces)]).write("a.vtu")

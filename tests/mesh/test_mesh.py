@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from shapes import cube, icosphere, noisy
 
-from cascadenorm.mesh import Mesh, MeshError
+import cascadenorm as cn
+from cascadenorm.mesh import Mesh, MeshError, isolated
 
 BALL = noisy(icosphere(2), 0.1)
 
@@ -28,6 +29,21 @@ def test_lengths_beyond_the_largest_number_are_infinite():
     assert far.diagonal == np.inf
     assert far.mean_edge_length == np.inf
     assert Mesh(far.vertices / 3, [[0, 1, 2]]).mean_edge_length == pytest.approx(1e308 / 3 * (1 + np.sqrt(2)))
+
+
+@pytest.mark.parametrize("make", [Mesh, isolated, lambda *arrays: cn.denoise(arrays)])
+def test_lists_with_rows_of_different_lengths_are_refused(make):
+    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    with pytest.raises(MeshError, match=r"vertices are a list whose rows have different lengths; .*\(n, 3\) numbers"):
+        make([*triangle, [1, 1]], [[0, 1, 2]])
+    with pytest.raises(MeshError, match=r"faces are a list whose rows have different lengths; .*\(m, 3\) integers"):
+        make(triangle, [[0, 1, 2], [0, 1, 2, 0]])
+
+
+@pytest.mark.parametrize("vertices", ["x", [[0, 0, 0], [1]]])
+def test_a_mesh_is_moved_only_to_numbers(vertices):
+    with pytest.raises(MeshError, match=r"must be \(n, 3\) numbers"):
+        BALL.moved(vertices)
 
 
 def test_a_stray_vertex_does_not_spoil_the_edges():

@@ -16,7 +16,7 @@ from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.weights import fixed_vertices
-from cascadenorm.errors import MeshError, ParameterError
+from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.mesh import Ints, Mesh, connected_components, first_of_each, limit_threads
 from cascadenorm.registry import Method, find
@@ -111,8 +111,9 @@ def denoise_region_files(
     every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)
     with limit_threads(every["threads"]):
-        paths = [sources] if isinstance(sources, str | PathLike) else sources
+        paths = [sources] if isinstance(sources, str | PathLike) else list(sources)
         targets = [None if folder is None else Path(folder) / Path(path).name for path in paths]
+        _check_targets(paths, targets)
         if folder is not None:
             make_folder(Path(folder))
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
@@ -124,6 +125,18 @@ def denoise_region_files(
             written_file(file, of, chosen, given, every, seconds=seconds, force=force).summary
             for file, of in zip(opened, applied, strict=True)
         ]
+
+
+def _check_targets(paths: Sequence[str | PathLike[str]], targets: Sequence[Path | None]) -> None:
+    """Raise OutputError if two files have one target, or are the same file if there are no targets."""
+    owners: dict[Path, str] = {}
+    for path, target in zip([fspath(path) for path in paths], targets, strict=True):
+        place = Path(path) if target is None else target
+        if place in owners:
+            if target is None:
+                raise OutputError(f"{path} is given twice")
+            raise OutputError(f"{owners[place]} and {path} would both be written to {target}", hint="rename one")
+        owners[place] = path
 
 
 class Region(NamedTuple):

@@ -29,6 +29,10 @@ MOST_PER_BYTE = 1024
 """Upper limit of entries per byte of a section: LZ4 expands up to 255 times, and an integer takes at least 2 bits."""
 LEAST_MEMORY = 1 << 30
 """Bytes that reading a binary layer may take in any case."""
+PARSED_AT = re.compile(r"^.*?[/\\]\d+\.usd:(\d+):(\d+): ")
+"""Beginning of a message about a text layer: the name of the temporary file, the line and the column."""
+PARSER = re.compile(r"\bpxrInternal\w*::(Sdf_TextFileFormatParser::)?")
+"""Namespaces of the rules that messages about text layers name."""
 SINGLE = "layer.usd"
 """Name of the layer of a file that is not an archive."""
 
@@ -210,11 +214,12 @@ def _check_sections(data: bytes) -> None:
 
 
 def said(error: Exception) -> str:
-    """Return the message of an OpenUSD error without source locations."""
+    """Return the message of an OpenUSD error without source locations and names of temporary files."""
     try:
         lines = [line for line in str(error).splitlines() if " : '" in line]
         text = " ".join(lines[-1].partition(" : '")[2].split()) if lines else ""
-        text = re.sub("Corrupt asset <[^>]*>: ", "", text)  # the name of a temporary file
-        return (text.rstrip("'\" ") or reason(error))[:200]
+        text = re.sub("(Corrupt asset |, while reading )[<@][^>@]*[>@](: | - )?", "", text)
+        text = PARSED_AT.sub(r"line \1, column \2: ", PARSER.sub("", text))
+        return (text.rstrip("'\" ") or ("it is damaged" if lines else reason(error)))[:200]
     except UnicodeDecodeError:  # the message quotes bytes of the file
         return "it is damaged"
