@@ -61,15 +61,16 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
     rungs = {"the paper": step}
     published = paper.stages[0]
     update = {"weighting": published.weighting, "foldovers": published.foldovers}
-    filtered, fitted = (
-        tuple(replace(stage, activation=published.activation, sweeps=published.sweeps, **kept) for stage in auto.stages)
-        for kept in (update, {})
-    )
+    others = {"activation": published.activation, "sweeps": published.sweeps, "pairs": published.pairs}
+    filtered, fitted = (tuple(replace(stage, **others, **kept) for stage in auto.stages) for kept in (update, {}))
     changes = {
         "+ iterated filters, smoothed vertices, in place of one pass and guided filters": {"stages": filtered},
         "+ context features": {"context": auto.context},
         "+ last fit by angles, foldovers avoided": {"stages": fitted},
-        "+ two hidden layers, fewer sweeps between the stages": {"fit": auto.fit, "stages": auto.stages},
+        "+ two hidden layers, fewer sweeps between the stages, 64 pairs of normals": {
+            "fit": auto.fit,
+            "stages": auto.stages,
+        },
     }
     for name, change in changes.items():
         step = replace(step, **change)
