@@ -377,6 +377,10 @@ def test_the_extra_is_named(monkeypatch):
 
 def test_a_stream_is_recognised_by_its_first_bytes():
     assert read(SCENE.encode()).format == "usda" and read(stored(SCENE.encode(), "usdc")).format == "usdc"
+    packed = archive({"a.usda": SCENE.encode()})
+    assert read(packed).format == "usdz"
+    with pytest.raises(io.ReadError, match="the content is not a supported mesh format"):
+        read(packed[:-30])  # without its list of files
 
 
 def test_large_grids_are_read_and_written(tmp_path):
