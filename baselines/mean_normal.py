@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
-from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_vertices
+from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, unit
@@ -64,7 +64,12 @@ def unilateral_normal(
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
 
 
-@method("random-walk-normal", source="Sun, Rosin, Martin, Langbein 2008", family="normals", rings=filter_rings)
+@method(
+    "random-walk-normal",
+    source="Sun, Rosin, Martin, Langbein 2008",
+    family="normals",
+    rings=lambda given, groups: fit_rings(given, groups, given["length"] * given["iterations"]),
+)
 def random_walk_normal(
     mesh: Mesh,
     *,

@@ -147,14 +147,14 @@ def _tangential_pull(vertices: Vectors, faces: Ints32, normals: Vectors, around:
     return scaled(0.5, pull)
 
 
-def filter_rings(given: Mapping[str, Any], groups: int) -> int | None:
-    """Return how many edges away a vertex depends on, given the parameters of a filter.
+def fit_rings(given: Mapping[str, Any], groups: int, filtered: int) -> int | None:
+    """Return how many edges away a vertex depends on; each sweep adds an edge for each group of vertices."""
+    return filtered + int(given["sweeps"]) * groups if given["fit"] == "sweeps" else None
 
-    A pass reaches as many edges as the parameter `length` says, or one; a sweep adds one for each group of vertices.
-    """
-    if given["fit"] != "sweeps":
-        return None
-    return int(given["iterations"] * given.get("length", 1) + given["sweeps"] * groups)
+
+def filter_rings(given: Mapping[str, Any], groups: int) -> int | None:
+    """Return how many edges away a vertex depends on after passes over the faces around each face."""
+    return fit_rings(given, groups, given["iterations"])
 
 
 def fit_vertices(
