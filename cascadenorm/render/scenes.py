@@ -117,8 +117,8 @@ def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
     """Yield the cameras of all meshes for each frame of a turntable."""
     style, last = scene.style, scene.shown[-1]
     camera = _looking_at(last, style)
-    framed = [last if camera.shows(mesh) else mesh for mesh in scene.shown]
-    return zip(*(_looking_at(mesh, style).around(mesh, count=FRAMES, up=style.up) for mesh in framed), strict=True)
+    starts = [(camera, last) if camera.shows(mesh) else (_looking_at(mesh, style), mesh) for mesh in scene.shown]
+    return zip(*(start.around(mesh, count=FRAMES, up=style.up) for start, mesh in starts), strict=True)
 
 
 def _looking_at(mesh: Mesh, style: Style) -> Camera:
