@@ -29,16 +29,21 @@ def adapter(mesh: object) -> Adapter:
     """Return the adapter for a mesh object. Raises MeshError if the kind of object is unknown."""
     hint = "pass (vertices, faces), a path, a cascadenorm.Mesh, or a mesh of trimesh, pyvista, vtk, open3d or meshio"
     for kind in type(mesh).__mro__:
-        library, *inside = kind.__module__.split(".")
-        if library == "open3d" and "t" in inside:
+        key = _key(kind)
+        if key[0] == "open3d" and "t" in kind.__module__.split("."):
             raise MeshError("tensor meshes of open3d are not supported: pass mesh.to_legacy()")
-        if (library, kind.__name__) in ADAPTERS:
-            return ADAPTERS[library, kind.__name__]
-        if (library, kind.__name__) in CONVERSIONS:
-            hint = f"pass {CONVERSIONS[library, kind.__name__]}"
+        if key in ADAPTERS:
+            return ADAPTERS[key]
+        if key in CONVERSIONS:
+            hint = f"pass {CONVERSIONS[key]}"
             break
     kind = type(mesh)
     raise MeshError(f"{kind.__module__}.{kind.__qualname__} is not a supported kind of mesh", hint=hint)
+
+
+def _key(kind: type) -> tuple[str, str]:
+    """Return the library and the name of a class, as in ADAPTERS and CONVERSIONS."""
+    return kind.__module__.partition(".")[0], kind.__name__
 
 
 def as_mesh(source: Any) -> Mesh:
@@ -101,9 +106,10 @@ def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
 
 def is_stored(source: object) -> bool:
     """Whether a mesh is given as the path of a file or as a stream of its bytes."""
-    if hasattr(source, "points"):  # a meshio mesh, whose class has a method `read`
-        return False
-    return isinstance(source, str | PathLike) or hasattr(source, "read")
+    if isinstance(source, str | PathLike):
+        return True
+    known = any(_key(kind) in ADAPTERS for kind in type(source).__mro__)
+    return hasattr(source, "read") and not known  # the class of meshio meshes has a method `read`, too
 
 
 def source_name(source: Any) -> str:
