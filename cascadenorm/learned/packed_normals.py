@@ -40,19 +40,25 @@ def unpacked(normals: PackedNormals) -> NDArray[np.float32]:
 @kernel
 def _pack_range(start: int, stop: int, normals: Floats32, out: PackedNormals) -> None:
     """Convert normals, (m, k, 3), to coordinates, (k, 2, m)."""
-    zero, one = np.float32(0), np.float32(1)
+    zero, one, none = np.float32(0), np.float32(1), np.float32(NO_NORMAL)
+    tile = np.empty((3, TILE), np.float32)
+    xs, ys, zs = tile
     for begin in range(start, stop, TILE):
+        count = min(TILE, stop - begin)
+        some = slice(begin, begin + count)
         for k in range(len(out)):
-            first, second = out[k, 0], out[k, 1]
-            for f in range(begin, min(begin + TILE, stop)):
-                x, y, z = normals[f, k, 0], normals[f, k, 1], normals[f, k, 2]
+            for f in range(count):
+                xs[f], ys[f], zs[f] = normals[begin + f, k, 0], normals[begin + f, k, 1], normals[begin + f, k, 2]
+            first, second = out[k, 0, some], out[k, 1, some]
+            for f in range(count):  # without branches, so that the loop is vectorised
+                x, y, z = xs[f], ys[f], zs[f]
                 size = abs(x) + abs(y) + abs(z)
                 length = size if size > zero else one
                 u, v = x / length, y / length
-                if z < zero:
-                    a, b = one - abs(v), one - abs(u)
-                    u, v = a if u >= zero else -a, b if v >= zero else -b
-                first[f], second[f] = (u, v) if size > zero else (np.float32(NO_NORMAL), zero)
+                right, ahead = one - abs(v), one - abs(u)  # of the lower half, unfolded
+                right, ahead = right if u >= zero else -right, ahead if v >= zero else -ahead
+                u, v = right if z < zero else u, ahead if z < zero else v
+                first[f], second[f] = u if size > zero else none, v if size > zero else zero
 
 
 @kernel
