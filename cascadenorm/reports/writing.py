@@ -105,7 +105,8 @@ def report(
         (one, replace(inspect(one.file, self_intersections=self_intersections), source=one.name)) for one in judged
     ]
     measured = [] if truth is None else [(one, measure(one.mesh, shown[-1].mesh)) for one in judged]
-    write_atomically(output, [report_html(shown, inspected, measured, summary).encode()], force=force)
+    text = report_html(shown, inspected, measured, summary)
+    write_atomically(output, [text.encode(errors="replace")], force=force)  # not every file name is valid Unicode
     return Contents({one.key: found for one, found in inspected}, {one.key: found for one, found in measured})
 
 

@@ -3,8 +3,10 @@
 import base64
 import hashlib
 import json
+import os
 import re
 import shlex
+import sys
 import zlib
 
 import numpy as np
@@ -395,6 +397,15 @@ def test_names_are_escaped_and_a_report_asks_nothing_of_the_network(place):
     assert "default-src 'none'" in page
     outside = re.sub(r"<(script|style)\b.*?</\1>", "", page, flags=re.S)
     assert re.findall(r"""(?:src|href)=["'](?!data:)""", outside) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not valid Unicode")
+def test_a_file_whose_name_is_no_text_has_a_report(place):
+    name = os.fsdecode(b"r\xff.ply")
+    save_mesh(place / name, ROUGH)
+    assert run(["denoise", name, "-o", "o.ply", "--method", "laplacian", "--report", "r.html"]) == 0
+    assert "before: r?.ply" in text_of(place / "r.html").lower()
+    assert scene_of(place / "r.html")["meshes"][0]["file"] == name
 
 
 def test_a_report_never_replaces_a_file_unasked(place):
