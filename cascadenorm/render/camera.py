@@ -94,14 +94,18 @@ class Camera:
         return replace(self, reach=(reach, reach), offset=offset)
 
     def around(self, mesh: Mesh, *, count: int, up: Up = "y") -> list["Camera"]:
-        """Return cameras at equal angles around the up axis, all with the same reach and showing the whole mesh."""
+        """Return the cameras of `turned` around the center of a mesh, all with the same reach and showing all of it."""
         points = _points(mesh, _framed_faces(mesh))
         center = (points.min(axis=0) + points.max(axis=0)) / 2
-        angles = 2 * np.pi * np.arange(count) / count
-        cameras = [replace(self, center=center, axes=self.axes @ _turn(angle, up).T) for angle in angles]
+        cameras = replace(self, center=center).turned(count=count, up=up)
         seen = [np.abs(projected(one.framed(points), self.perspective)[:, :2]).max(axis=0) for one in cameras]
         width, height = np.max(seen, axis=0)
         return [replace(one, reach=(float(width), float(height))) for one in cameras]
+
+    def turned(self, *, count: int, up: Up = "y") -> list["Camera"]:
+        """Return cameras at equal angles around the up axis through the center."""
+        angles = 2 * np.pi * np.arange(count) / count
+        return [replace(self, axes=self.axes @ _turn(angle, up).T) for angle in angles]
 
     def framed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Transform points, (…, 3), to the frame of the camera: right, up, toward the viewer."""

@@ -116,9 +116,13 @@ def one_view(scene: Scene) -> list[Camera]:
 def turntable_views(scene: Scene) -> Iterator[tuple[Camera, ...]]:
     """Yield the cameras of all meshes for each frame of a turntable."""
     style, last = scene.style, scene.shown[-1]
-    camera = _looking_at(last, style)
-    starts = [(camera, last) if camera.shows(mesh) else (_looking_at(mesh, style), mesh) for mesh in scene.shown]
-    return zip(*(start.around(mesh, count=FRAMES, up=style.up) for start, mesh in starts), strict=True)
+    if style.target is not None or style.distance is not None:
+        turned = [camera.turned(count=FRAMES, up=style.up) for camera in one_view(scene)]
+    else:
+        camera = _looking_at(last, style)
+        starts = [(camera, last) if camera.shows(mesh) else (_looking_at(mesh, style), mesh) for mesh in scene.shown]
+        turned = [start.around(mesh, count=FRAMES, up=style.up) for start, mesh in starts]
+    return zip(*turned, strict=True)
 
 
 def _looking_at(mesh: Mesh, style: Style) -> Camera:

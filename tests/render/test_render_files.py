@@ -132,6 +132,21 @@ def test_a_turntable_shows_every_side_once(tmp_path):
     assert widths[1] < 0.3 * widths[0]
 
 
+def test_a_turntable_turns_around_the_target_at_the_distance(tmp_path):
+    """A cube beside the target is seen at both sides of the middle, and half as large from twice as far."""
+    box = cube(2).moved(cube(2).vertices * 0.1 + np.array([1.0, 0, 0]))
+    places = []
+    for number, distance in enumerate((4.0, 8.0)):
+        style = Style(size=64, direction=(0, 0, 1), target=(0, 0, 0), distance=distance)
+        draw([box], tmp_path / f"{number}.webp", style, names=[""], turntable=True)
+        with PIL.Image.open(tmp_path / f"{number}.webp") as image:
+            for frame in (0, TURNS // 2):
+                image.seek(frame)
+                places.append(np.flatnonzero((np.asarray(image.convert("L")) < 200).any(axis=0)).mean() - 31.5)
+    assert places[0] == pytest.approx(-places[1], abs=2) and abs(places[0]) > 20
+    assert places[2:] == pytest.approx([places[0] / 2, places[1] / 2], abs=2)
+
+
 def video_of(path):
     """The frames of a video, and the format of its pixels."""
     read = ["ffmpeg", "-loglevel", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
