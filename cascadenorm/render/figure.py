@@ -79,7 +79,7 @@ def montage(rows: Sequence[Sequence[Panel]], *, bar: Bar | None = None) -> "Figu
                 left += panel.image.shape[1] + GAP
             top += tall + foot
         if bar:
-            bottom, long = top - feet[-1] - size, heights[-1] - 2 * size
+            bottom, long = top - feet[-1] - size, max(heights[-1] - 2 * size, 1)
             _draw_bar(figure, bar, (place / width, 1 - bottom / height, size / width, long / height), size)
     return figure
 

@@ -53,6 +53,12 @@ def test_captions_have_the_mean_that_compare_measures(tmp_path):
     assert f">rough  mean {mean:#.3g}°</text>" in (tmp_path / "a.svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("size", [16, 32])
+def test_a_small_picture_has_a_color_bar(tmp_path, size):
+    draw([BALL], tmp_path / "a.png", Style(size=size, values="curvature"), names=[""])
+    assert decoded_size(tmp_path / "a.png") > (size, size)
+
+
 def test_the_first_mesh_is_what_others_are_compared_with(tmp_path):
     picture = drawn(tmp_path / "a.png", [ROUGH, BALL], values="displacement")
     plain = drawn(tmp_path / "b.png", [ROUGH, BALL])
