@@ -95,7 +95,7 @@ def scene(meshes: list[Mesh], names: Sequence[str], style: Style) -> Scene:
     if not quantity.signed:
         degrees = "°" if quantity.unit == "°" else ""
         for number, heat in enumerate(maps):
-            if heat is not None:
+            if heat is not None and np.isfinite(heat.values).any():
                 captions[number] = f"{captions[number]}  mean {np.nanmean(heat.values):#.3g}{degrees}".strip()
     return Scene(shown, captions, maps, found, limits, unit, style)
 

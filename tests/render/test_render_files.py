@@ -19,6 +19,7 @@ from cascadenorm.geometry.curvature import mean_curvature
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import OutputError
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.mesh import Mesh
 from cascadenorm.render import Camera
 from cascadenorm.render.encoding import mp4
 from cascadenorm.render.figure import ACCENTS
@@ -57,6 +58,12 @@ def test_captions_have_the_mean_that_compare_measures(tmp_path):
 def test_a_small_picture_has_a_color_bar(tmp_path, size):
     draw([BALL], tmp_path / "a.png", Style(size=size, values="curvature"), names=[""])
     assert decoded_size(tmp_path / "a.png") > (size, size)
+
+
+def test_a_caption_has_no_mean_where_no_value_is_known(tmp_path, recwarn):
+    one = Mesh(np.eye(3), [[0, 1, 2]])
+    draw([one], tmp_path / "a.svg", Style(size=64, values="noise"), names=["one"])
+    assert ">one</text>" in (tmp_path / "a.svg").read_text(encoding="utf-8") and not recwarn.list
 
 
 def test_the_first_mesh_is_what_others_are_compared_with(tmp_path):
