@@ -1,18 +1,23 @@
 """Checks of file names from the page, and labels of settings on the page."""
 
+import sys
+
 from cascadenorm.errors import OutputError
 
 MOST_NAME_BYTES = 200
 """Longest file name, in bytes of UTF-8."""
+REFUSED = "/\\" + (':*?"<>|' if sys.platform == "win32" else "")
+"""Characters that separate folders or that file names cannot contain."""
 
 
 def plain_name(name: object) -> str:
     """Return a file name without folders; raise OutputError for anything else, such as a path."""
     text = name if isinstance(name, str) else ""
-    bad = any(letter in '/\\:*?"<>|' or ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in text)
+    bad = any(letter in REFUSED or ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in text)
     if bad or not text.strip() or text.startswith(".") or len(text.encode(errors="replace")) > MOST_NAME_BYTES:
         raise OutputError(
-            f"{name!r} is not a plain file name", hint="give one without folders, such as part_denoised.ply"
+            f"{name!r} is not a plain file name",
+            hint=f"give one without folders and of at most {MOST_NAME_BYTES} bytes, such as part_denoised.ply",
         )
     return text
 

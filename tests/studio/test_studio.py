@@ -122,7 +122,13 @@ def test_results_are_saved_beside_the_file_alone(studio, name):
     assert sorted(studio.folder.parent.rglob("*")) == before
 
 
-@pytest.mark.parametrize("name", ["../evil.ply", "%2Fetc%2Fpasswd", "..%2F..%2Fevil.ply", "a%00.ply", "c:evil.ply"])
+WINDOWS = pytest.mark.skipif(sys.platform != "win32", reason="a drive only on Windows")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../evil.ply", "%2Fetc%2Fpasswd", "..%2F..%2Fevil.ply", "a%00.ply", pytest.param("c:evil.ply", marks=WINDOWS)],
+)
 def test_dropped_files_have_plain_names(studio, name):
     drop = studio.done("/api/drop")["drop"]
     status, answer = studio.asked("POST", f"/api/drop/{drop}?name={name}", b"ply\n")
@@ -554,6 +560,19 @@ def test_half_of_a_surrogate_pair_is_refused(studio, place):
     assert status == 400 and "valid text" in answer["error"]
     status, answer = studio.asked("POST", f"/api/drop/{studio.done('/api/drop')['drop']}?name=%ED%A0%80.ply", b"ply")
     assert status != 500, answer
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such file names")
+def test_a_file_with_the_time_in_its_name_is_opened_and_saved(tmp_path):
+    scanned(tmp_path / "scan 10:30?.ply")
+    started = Studio("scan 10:30?.ply", folder=tmp_path)
+    try:
+        with started.told() as events:
+            name = until(events, type="opened")["suggested"]
+            started.done("/api/save", {"settings": LAPLACIAN, "name": name})
+        assert (tmp_path / "scan 10:30?_denoised.ply").is_file()
+    finally:
+        started.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux alone")
