@@ -20,4 +20,4 @@ def studio(
         from cascadenorm.studio import server
     except ModuleNotFoundError as error:
         raise MissingDependencyError("the studio", package=error.name or "uvicorn", extra="studio") from None
-    server.serve(file, port=port, browser=browser, most=int(max_size * 1e6))
+    server.serve(file, port=port, browser=browser, most=max_size * 1e6)

@@ -42,7 +42,7 @@ CHECKING_S = 0.2
 """Seconds between checks for open pages."""
 
 
-def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: int) -> None:
+def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: float) -> None:
     """Serve until the last page is closed; parameters as in `studio`, with `most` in bytes."""
     if file is not None:
         _check_file(Path(file), most)
@@ -87,7 +87,7 @@ async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:
     server.should_exit = True
 
 
-def _check_file(path: Path, most: int) -> None:
+def _check_file(path: Path, most: float) -> None:
     """Raise the errors of `denoise` for a file that is too large or no mesh; the page isolates invalid vertices."""
     from cascadenorm import io  # here: loads the numerical packages
     from cascadenorm.io.interop import mesh_of_file

@@ -15,7 +15,7 @@ class TooLarge(ReadError):
 class Uploads:
     """Folders for files that were dropped together, at most `most` bytes in all, without those of the open mesh."""
 
-    def __init__(self, folder: Path, *, most: int) -> None:
+    def __init__(self, folder: Path, *, most: float) -> None:
         self._folder, self._most = folder, most
         self._open: int | None = None
 
@@ -62,7 +62,7 @@ class Uploads:
             rmtree(self._folder / str(drop), ignore_errors=True)
 
 
-def check_size(name: str, size: int, room: int, most: int) -> None:
+def check_size(name: str, size: int, room: float, most: float) -> None:
     """Raise TooLarge if a file exceeds the available room."""
     if size > room:
         raise TooLarge(

@@ -454,6 +454,12 @@ def test_a_file_that_is_no_mesh_is_refused_in_the_words_of_denoise(tmp_path, cap
     assert capsys.readouterr().err == told
 
 
+def test_the_size_of_files_may_be_unlimited(monkeypatch):
+    given = {}
+    monkeypatch.setattr(server, "serve", lambda _, **settings: given.update(settings))
+    assert run(["studio", "--max-size", "inf"]) == 0 and given["most"] == np.inf
+
+
 def test_what_cannot_be_served_is_said_on_the_command_line(tmp_path, capsys):
     scanned(tmp_path / "scan.ply")
     assert run(["studio", "--no-browser", str(tmp_path / "none.ply")]) == 3
