@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from cascadenorm.errors import CascadenormError, ParameterError
+from cascadenorm.errors import CascadenormError, ParameterError, ReadError
 from cascadenorm.studio.names import plain_name, setting_name
 from cascadenorm.studio.session import RequestFailed, Session
 from cascadenorm.studio.uploads import TooLarge, Uploads
@@ -136,6 +136,8 @@ class Application:
             raise ParameterError("the request names no file")
         paths = [self._uploads.path(drop, name) for name in names]
         path = paths[await self._session.ask("which", names=[path.name for path in paths])]
+        if not path.is_file():
+            raise ReadError(f"{path.name} was not received", hint="drop it again")
         try:
             await self._session.open(path, path.name, saves=False)
         except RequestFailed:

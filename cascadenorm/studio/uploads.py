@@ -50,10 +50,10 @@ class Uploads:
             raise OutputError(f"{path.name} cannot be received: {error.strerror or error}") from error
 
     def opened(self, drop: int) -> None:
-        """Remove all drops except the one whose mesh is open."""
+        """Remove the drops before the one whose mesh is open; another page may still send or open a later one."""
         self._open = drop
         for other in self._folder.iterdir():
-            if other.name != str(drop):
+            if int(other.name) < drop:
                 rmtree(other, ignore_errors=True)
 
     def refused(self, drop: int) -> None:

@@ -163,9 +163,8 @@ def test_what_is_too_large_is_refused_and_not_kept(studio):
     assert status == 413 and "0.5 MB" in answer["error"] and "--max-size" in answer["error"]
     studio.done(f"/api/drop/{drop}?name=a.ply", bytes(300_000))  # two together
     assert studio.asked("POST", f"/api/drop/{drop}?name=b.ply", bytes(300_000))[0] == 413
-    assert studio.asked("POST", "/api/open", {"drop": drop, "names": ["large.ply"]})[1]["error"].endswith(
-        "does not exist: check the name"
-    )
+    status, answer = studio.asked("POST", "/api/open", {"drop": drop, "names": ["large.ply"]})
+    assert (status, answer["error"]) == (400, "large.ply was not received: drop it again")
     assert studio.asked("POST", "/api/recipe", b"[" * 2_000_000)[0] == 413
     assert studio.asked("POST", "/api/paint", bytes(100_000))[0] == 413
 
@@ -554,8 +553,9 @@ def test_what_is_dropped_counts_together_until_a_mesh_of_it_is_open(tmp_path):
         take(4, "d.ply", 20)
     uploads.refused(3)
     take(5, "e.ply", 90)
+    take(6, "f.ply", 10)  # from another page
     uploads.opened(5)
-    assert sorted(path.name for path in tmp_path.rglob("*.ply")) == ["e.ply"]
+    assert sorted(path.name for path in tmp_path.rglob("*.ply")) == ["e.ply", "f.ply"]
 
 
 @pytest.mark.parametrize("place", ["name", "settings"])
