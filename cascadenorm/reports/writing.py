@@ -160,6 +160,7 @@ def _sections(
     sections.append(("Shape", table(facts.shape_rows(inspected))))
     if done is not None:
         sections.append(("Method and settings", _settings(done)))
+    if done is not None and all(Path(name).is_file() for name in (done.source, done.output)):  # no streams
         sections.append(("Reproduce", code(facts.command_line(done)) + code(facts.python_call(done))))
     files = table(facts.file_rows(shown), stacked=True)
     sections.append(("Files", files + folded("Versions", table(facts.version_rows(done), head=False))))

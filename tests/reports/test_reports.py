@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import io
 import json
 import os
 import re
@@ -406,6 +407,12 @@ def test_a_file_whose_name_is_no_text_has_a_report(place):
     assert run(["denoise", name, "-o", "o.ply", "--method", "laplacian", "--report", "r.html"]) == 0
     assert "before: r?.ply" in text_of(place / "r.html").lower()
     assert scene_of(place / "r.html")["meshes"][0]["file"] == name
+
+
+def test_a_result_that_went_to_a_stream_has_no_command_that_makes_it_again(place, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO()))
+    assert run(["denoise", "rough.ply", "-o", "-", "--method", "laplacian", "--report", "r.html"]) == 0
+    assert "written to a stream" in text_of(place / "r.html") and "Reproduce" not in text_of(place / "r.html")
 
 
 def test_a_report_never_replaces_a_file_unasked(place):
