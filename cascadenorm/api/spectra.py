@@ -57,7 +57,7 @@ def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, sca
     MeshError
         A mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     ParameterError
-        `count` is out of range.
+        `count` is out of range, or `scale` is unknown.
     """
     first = _values(mesh, count, scale)
     return Spectrum(scale=scale, values=first, other=None if other is None else _values(other, count, scale))

@@ -34,3 +34,10 @@ def test_huge_and_tiny_meshes_with_degenerate_faces(factor):
     np.testing.assert_allclose(cn.spectrum(other, count=9).values, cn.spectrum(MESH, count=9).values, atol=1e-7)
     kept = cn.spectrum(other, count=9, scale="keep").values[1:]
     np.testing.assert_allclose(kept * factor**2, cn.spectrum(MESH, count=9, scale="keep").values[1:], rtol=1e-7)
+
+
+def test_unknown_settings_are_refused():
+    with pytest.raises(cn.ParameterError, match="scale is 'Area'; it must be keep or area"):
+        cn.spectrum(icosphere(1), count=3, scale="Area")
+    with pytest.raises(cn.ParameterError, match="boundary is 'Fixed'; it must be free or fixed"):
+        cn.manifold_harmonics(icosphere(1), 3, boundary="Fixed")

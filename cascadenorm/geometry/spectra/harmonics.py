@@ -65,8 +65,10 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
     Raises
     ------
     ParameterError
-        `count` is out of range.
+        `count` is out of range, or `boundary` is unknown.
     """
+    if boundary not in ("free", "fixed"):
+        raise ParameterError(f"is {boundary!r}; it must be free or fixed", parameter="boundary")
     laplacian = cotangent_laplacian(mesh)
     free = laplacian.mass > 0
     if boundary == "fixed":
@@ -117,8 +119,10 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.fl
     Raises
     ------
     ParameterError
-        `count` is out of range.
+        `count` is out of range, or `scale` is unknown.
     """
+    if scale not in ("keep", "area"):
+        raise ParameterError(f"is {scale!r}; it must be keep or area", parameter="scale")
     values = manifold_harmonics(mesh, count).values
     return values * mesh.area if scale == "area" else values
 
