@@ -66,14 +66,14 @@ def view(
     """
     widget = _widget()
     keys = ("mesh",) if other is None and truth is None else ("before", "after", "truth")
-    sources = [source for source in zip(keys, (mesh, other, truth), strict=False) if source[1] is not None]
-    meshes = [given(key, source) for key, source in sources]
+    sources = zip(keys, (mesh, other, truth), strict=False)
+    meshes = [given(key, source) for key, source in sources if source is not None or key == keys[0]]
     color, own = _values(meshes, values)
     alike = scaled_meshes(meshes)
     packed = viewer_scene(meshes, (), own=own, meshes=alike)
     if color and all(field["name"] != color for field in packed["fields"]):
-        against = "other" if QUANTITIES[color].against == "input" else "truth"
-        raise ParameterError(f"{color} compares a mesh with another one", hint=f"give `{against}` as well")
+        against = "`other`, with the same faces," if QUANTITIES[color].against == "input" else "`truth`"
+        raise ParameterError(f"{color} compares a mesh with another one", hint=f"give {against} as well")
     maps = {}
     if own is not None:
         maps = {key: HeatMap(v, own.quantity.at, own.limits, own.quantity.signed) for key, v in own.values.items()}
@@ -106,7 +106,10 @@ def _values(meshes: Sequence[Given], values: str | ArrayLike | None) -> tuple[st
         if values not in QUANTITIES:
             raise ParameterError(f"is {values!r}; it must be one of {', '.join(QUANTITIES)}", parameter="values")
         return values, None
-    numbers = np.asarray(values, np.float64)
+    try:
+        numbers = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise ParameterError("are not an array of real numbers", parameter="values") from None
     counts = {one.key: (len(one.mesh.vertices), len(one.mesh.faces)) for one in meshes}
     for number, at in enumerate(("vertex", "face")):
         there = [key for key, count in counts.items() if numbers.shape == (count[number],)]

@@ -76,6 +76,15 @@ def test_values_that_cannot_be_shown_are_refused():
         cn.view(ROUGH, SMOOTH, values="distance")
     with pytest.raises(cn.ParameterError, match=r"values have shape \(7,\); the mesh has 642 vertices and 1,280 faces"):
         cn.view(ROUGH, values=np.zeros(7))
+    with pytest.raises(cn.ParameterError, match="values are not an array of real numbers"):
+        cn.view(ROUGH, values=["red", "blue"])
+    with pytest.raises(cn.ParameterError, match="give `other`, with the same faces, as well"):
+        cn.view(ROUGH, icosphere(1), values="displacement")
+
+
+def test_none_is_no_mesh_to_view():
+    with pytest.raises(cn.MeshError, match="NoneType is not a supported kind of mesh"):
+        cn.view(None)
 
 
 def test_a_view_without_anywidget_says_what_installs_it(monkeypatch):
