@@ -26,6 +26,8 @@ _interruptions: list[int] = []
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit."""
     signal.signal(signal.SIGTERM, _terminated)
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # nohup ignores it
+        signal.signal(signal.SIGHUP, _terminated)  # the terminal was closed
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # skipped if the signal is ignored
         signal.signal(signal.SIGINT, _interrupted)
         repeat_if_swallowed(signal.SIGINT, KeyboardInterrupt)
