@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
-from os import PathLike
+from os import PathLike, fsencode
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -85,15 +85,15 @@ def report_evaluation(
         title = f"{name} – evaluation"
         caption = f"Above: the meshes. Below: angle between the face normals of {name} and the true ones."
         picture, content = _figure(shown, caption), _pair_sections(shown)
-        link = f'<p><a href="{quote(f"{folder.name}/{file}")}">Open {escape(name)} in the 3-D viewer</a></p>'
+        link = f'<p><a href="{quote(fsencode(f"{folder.name}/{file}"))}">Open {escape(name)} in the 3-D viewer</a></p>'
         parts = "".join(f"<h3>{escape(about)}</h3>{html}" for about, html in content)
         sections.append((name, image(picture, caption) + link + parts))
         whole = page(title, [], content, picture=picture, caption=caption, scene=_viewer(shown))
-        write_atomically(folder / file, [whole.encode()], force=True)
+        write_atomically(folder / file, [whole.encode(errors="replace")], force=True)
     progress("writing", len(measured), len(measured))
     about = ["The best value of each row or column is in bold; – marks unknown values."]
     whole = page("Evaluation", about, sections, tiles=_tiles(done, len(measured)))
-    write_atomically(Path(output), [whole.encode()], force=force)
+    write_atomically(Path(output), [whole.encode(errors="replace")], force=force)
 
 
 def _tiles(done: Evaluation, pairs: int) -> list[Tile]:

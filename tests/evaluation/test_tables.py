@@ -3,7 +3,9 @@
 import csv
 import io
 import json
+import os
 import re
+import sys
 from base64 import b64decode
 
 import PIL.Image
@@ -121,3 +123,17 @@ def test_meshes_without_common_faces_are_in_the_pages_too(tmp_path):
         f"| ball | {cn.compare(tmp_path / 'ball' / 'noisy.ply', icosphere(3)).normal_error_deg:.2f} | {error:.2f} |"
         in (tmp_path / "e.md").read_text(encoding="utf-8")
     )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not valid Unicode")
+def test_a_pair_whose_name_is_no_text_is_in_pages_and_tables(tmp_path):
+    pair = tmp_path / os.fsdecode(b"ball\xff")
+    pair.mkdir()
+    save_mesh(pair / "noisy.ply", noisy(icosphere(2), 0.2))
+    save_mesh(pair / "clean.ply", icosphere(2))
+    files = ["--html", str(tmp_path / "e.html"), "--csv", str(tmp_path / "e.csv")]
+    assert run(["evaluate", str(pair), "--method", "laplacian", *files]) == 0
+    page = (tmp_path / "e.html").read_text(encoding="utf-8")
+    assert 'href="e_files/ball%FF.html"' in page and "ball?" in page
+    assert (tmp_path / "e_files" / f"{pair.name}.html").exists()
+    assert "ball?,laplacian," in (tmp_path / "e.csv").read_text(encoding="utf-8")

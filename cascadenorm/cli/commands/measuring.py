@@ -243,7 +243,7 @@ def _write_tables(
     texts = ((csv, tables.csv_text(done)), (markdown, tables.markdown(every)), (latex, tables.latex(every)))
     for target, text in texts:
         if target is not None:
-            write_atomically(target, [text.encode()], force=force)
+            write_atomically(target, [text.encode(errors="replace")], force=force)  # names may be no Unicode
 
 
 def _public_pairs(dataset: str | None, copy: Path | None, split: Literal["test", "train"]) -> "list[FilePair]":
