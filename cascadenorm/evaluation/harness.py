@@ -122,8 +122,8 @@ def evaluate(
     Raises
     ------
     ParameterError
-        A method, program or parameter does not exist, a value is out of range, a program has the name of a method, or
-        no scheduler answers at the address.
+        A method, program or parameter does not exist, a value is out of range, a program has the name of a method,
+        `keep` is the folder of the pairs, or no scheduler answers at the address.
     WorkerError
         A process or a worker of a cluster ended before its work was done.
     ReadError
@@ -138,6 +138,8 @@ def evaluate(
     if noise is not None and keep is None and scheduler not in (None, LOCAL_CLUSTER):
         raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
+    if keep is not None:
+        _check_keep(Path(keep), pairs)
     places = {name: Path(place) for name, place in (results or {}).items()}
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
@@ -234,6 +236,14 @@ def _check_numbers(workers: int, timeout: float, noise: float | None, seeds: int
         raise ParameterError(f"is {seeds}; it must be at least 1, and exactly 1 without noise", parameter="seeds")
     if noise is not None and not 0 <= noise < math.inf:
         raise ParameterError(f"is {noise}; it must be at least 0, finite", parameter="noise")
+
+
+def _check_keep(keep: Path, pairs: Sequence[FilePair]) -> None:
+    """Reject a folder that contains the folders of pairs, whose noisy meshes would be overwritten."""
+    for pair in pairs:
+        if pair.noisy.resolve().parent.parent == keep.resolve():
+            problem = f"is {keep}, the folder of the pair {pair.name}"
+            raise ParameterError(problem, parameter="keep", hint="name another folder")
 
 
 def _check_names(names: Sequence[str], methods: Sequence[str]) -> None:

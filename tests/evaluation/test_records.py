@@ -11,6 +11,7 @@ from evaluated import SHAPES, python
 from shapes import icosphere
 
 from cascadenorm.cli import run
+from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation.harness import evaluate
 from cascadenorm.io.digests import source_digest
 from cascadenorm.io.interop import save_mesh
@@ -53,6 +54,15 @@ def test_a_mesh_that_was_lost_is_made_again(folder, tmp_path, monkeypatch):
     (tmp_path / "ball" / "counted.ply").unlink()
     evaluate(folder / "ball", methods="counted", keep=tmp_path)
     assert calls and (tmp_path / "ball" / "counted.ply").exists()
+
+
+def test_the_folder_of_the_pairs_is_refused_since_their_noisy_meshes_would_be_overwritten(folder, tmp_path):
+    pairs = shutil.copytree(folder, tmp_path / "pairs")
+    before = sorted(pairs.rglob("*"))
+    for given in (pairs, pairs / "ball"):
+        with pytest.raises(ParameterError, match=r"keep is .*, the folder of the pair ball"):
+            evaluate(given, methods="taubin", keep=pairs)
+    assert sorted(pairs.rglob("*")) == before
 
 
 METHOD = """
