@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cascadenorm.errors import DenoiseError, ParameterError
+from cascadenorm.errors import DenoiseError, OutputError, ParameterError
+from cascadenorm.io.files import output_format
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -40,15 +41,22 @@ with open(sys.argv[1], "w", encoding="utf-8") as file:
 def checked_command(name: str, command: str) -> list[str]:
     """Split a command into words and check it.
 
-    Raises ParameterError if it lacks {in} or {out}, or if the program does not exist.
+    Raises ParameterError if it lacks {in} or {out}, if the format of {in} cannot be written, or if the program does not
+    exist.
     """
     try:
         words = command_words(command, windows=os.name == "nt")
     except ValueError as error:
         raise ParameterError(f"the command {name} cannot be read: {error}") from None
-    kinds = {kind for word in words for kind, _ in PLACEHOLDER.findall(word)}
-    if kinds != {"in", "out"}:
+    places = [place for word in words for place in PLACEHOLDER.findall(word)]
+    if {kind for kind, _ in places} != {"in", "out"}:
         raise ParameterError(f"the command {name} needs {{in}} and {{out}} in the place of its files: {command}")
+    try:
+        for kind, extension in places:
+            if kind == "in" and extension:
+                output_format(f"in.{extension}")
+    except OutputError as error:
+        raise ParameterError(f"the command {name} needs another {{in}}: {error}") from None
     if shutil.which(words[0]) is None:
         raise ParameterError(f"there is no program {words[0]}", hint="check the name, or give its path")
     return words

@@ -57,6 +57,7 @@ def test_the_failures_of_a_program_are_shown_and_the_rest_goes_on(folder):
     ("command", "message"),
     [
         ("cp {in} somewhere", "needs {in} and {out}"),
+        ("cp {in.docx} {out}", "needs another {in}: the format 'docx' cannot be written"),
         ("no-such-program {in} {out}", "there is no program no-such-program"),
         ("cp '{in} {out}", "cannot be read"),
     ],
