@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from cascadenorm.errors import DenoiseError, OutputError, ParameterError
 from cascadenorm.io.files import output_format
 from cascadenorm.io.interop import as_mesh, save_mesh
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Mesh, MeshError
 
 PLACEHOLDER = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
 """Placeholder for a file in a command; an extension selects the format of the file."""
@@ -103,7 +103,10 @@ def run_program(words: Sequence[str], noisy: Path, *, timeout: float = TIMEOUT_S
         written = next(path for place, path in files.items() if place.startswith("{out"))
         if not written.exists():
             raise DenoiseError(f"{words[0]} wrote no file {written.name}")
-        return as_mesh(written), seconds, memory
+        try:
+            return as_mesh(written), seconds, memory
+        except MeshError as error:
+            raise error.within(written.name) from None
 
 
 def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess.CompletedProcess[str]:
