@@ -127,7 +127,8 @@ def evaluate(
     WorkerError
         A process or a worker of a cluster ended before its work was done.
     ReadError
-        There are no pairs, a folder of results is missing, or several pairs have the same name and results are given.
+        There are no pairs, a folder of results is missing, several given pairs have the same name, or several folders
+        have the same name and results are given.
     """
     checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
     methods = [methods] if isinstance(methods, str) else methods
@@ -205,7 +206,11 @@ def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[Fi
     given = list(folders)
     pairs = [one for one in given if isinstance(one, FilePair)]
     others = [one for one in given if not isinstance(one, FilePair)]
-    return pairs + (find_pairs(others) if others else [])
+    pairs += find_pairs(others) if others else []
+    for name, count in Counter(pair.name for pair in pairs).items():
+        if count > 1:
+            raise ReadError(f"{count} pairs are named {name}: rename one, since results are listed by name")
+    return pairs
 
 
 def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progress: Progress) -> None:

@@ -24,6 +24,13 @@ def test_pairs_are_found_in_a_folder_and_in_the_folders_in_it(folder, tmp_path):
     assert both == [str(folder / "ball"), str(folder / "cube"), str(other)]
 
 
+def test_pairs_from_several_places_that_have_one_name_are_refused(folder):
+    (ball, cube) = find_pairs(folder)
+    for given in ([cube._replace(name="ball"), ball], [cube._replace(name="ball"), folder]):
+        with pytest.raises(ReadError, match="2 pairs are named ball: rename one"):
+            evaluate(given, methods=[])
+
+
 def test_folders_without_pairs_are_refused(folder, tmp_path):
     with pytest.raises(ReadError, match="is not a folder"):
         find_pairs([folder / "absent"])
