@@ -206,7 +206,9 @@ def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[Fi
     given = list(folders)
     pairs = [one for one in given if isinstance(one, FilePair)]
     others = [one for one in given if not isinstance(one, FilePair)]
-    pairs += find_pairs(others) if others else []
+    pairs += find_pairs(others)
+    if not pairs:
+        raise ReadError("there are no pairs to evaluate")
     for name, count in Counter(pair.name for pair in pairs).items():
         if count > 1:
             raise ReadError(f"{count} pairs are named {name}: rename one, since results are listed by name")

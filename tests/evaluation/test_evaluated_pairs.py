@@ -36,6 +36,8 @@ def test_folders_without_pairs_are_refused(folder, tmp_path):
         find_pairs([folder / "absent"])
     with pytest.raises(ReadError, match="holds no pairs"):
         find_pairs([folder / "notes"])
+    with pytest.raises(ReadError, match="there are no pairs"):
+        evaluate([])
     (tmp_path / "noisy.ply").touch()
     with pytest.raises(ReadError, match=r"holds noisy\.ply only"):
         find_pairs([tmp_path])
