@@ -112,8 +112,12 @@ VALUES = {"--result": "DIR", "--command": "'PROG {in} {out}'"}
 
 def named_values(option: str, given: Sequence[str] | None) -> dict[str, str]:
     """Read the NAME=VALUE pairs of an option."""
-    pairs = [text.partition("=") for text in given or ()]
-    for name, equals, _ in pairs:
+    values: dict[str, str] = {}
+    for text in given or ():
+        name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
             raise typer.BadParameter(f"{option} {name or equals}: write it as NAME={VALUES.get(option, 'VALUE')}")
-    return {name.strip(): value.strip() for name, _, value in pairs}
+        if name in values:
+            raise typer.BadParameter(f"{option} {name}: the name is given twice")
+        values[name] = value
+    return values

@@ -269,6 +269,7 @@ def test_evaluate_takes_results_of_other_programs(pairs, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "theirs" in out and "holds no mesh ball.*" in err
     assert refused(capsys, "evaluate", str(pairs), "--result", "theirs")[0] == 2
+    assert "theirs: the name is given twice" in refused(capsys, "evaluate", str(pairs), *given, *given)[1]
     assert refused(capsys, "evaluate", str(pairs), "--result", f"theirs={tmp_path / 'absent'}")[0] == 3
 
 
