@@ -16,12 +16,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.accuracy import clean
-from cascadenorm.api.models import SHIPPED
 from cascadenorm.cli import run
 from cascadenorm.evaluation.harness import DEFAULT_METHODS
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.pairs import find_pairs
-from cascadenorm.learned.methods import weights_file
+from cascadenorm.learned.methods import SHIPPED, weights_file
 
 METHOD_FIGURE = Path(__file__).parents[2] / "docs" / "generate" / "method_figure.py"
 PACKAGES = ("cascadenorm", "numpy", "scipy", "numba", "matplotlib")

@@ -29,7 +29,7 @@ from cascadenorm.execution.memory import (
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.learned.methods import weights_file
+from cascadenorm.learned.methods import SHIPPED, weights_file
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find, registered
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
@@ -252,7 +252,7 @@ def methods() -> dict[str, Method]:
 
 def weights_digest(method: str, parameters: Mapping[str, Any]) -> str | None:
     """Return the SHA-256 of the weights that a method uses with some parameters; None for a method without weights."""
-    if "model" not in find(method).settings:
+    if method not in SHIPPED:
         return None
     return file_digest(weights_file(method, parameters.get("model")))
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cascadenorm.api.models import SHIPPED, load_model
+from cascadenorm.api.models import load_model
 from cascadenorm.io.digests import file_digest
-from cascadenorm.learned.methods import weights_file
+from cascadenorm.learned.methods import SHIPPED, weights_file
 
 TAGS = ("mesh-denoising", "geometry-processing", "triangle-mesh", "3d", "safetensors")
 

@@ -18,12 +18,10 @@ from cascadenorm.io.pairs import Paths
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.config import TrainConfig
 from cascadenorm.learned.gated import read_model
-from cascadenorm.learned.methods import Learned, shipped
+from cascadenorm.learned.methods import SHIPPED, Learned, shipped
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
-
-SHIPPED = ("auto", "cascade")
 
 
 class Denoiser:

@@ -14,7 +14,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.learned.gated import read_model
-from cascadenorm.learned.methods import weights_file
+from cascadenorm.learned.methods import SHIPPED, weights_file
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 from cascadenorm.version import __version__
@@ -31,7 +31,7 @@ def batch_settings(
     given = {name: value for name, value in every.items() if name not in NO_RESULT}
     parts = [__version__, source_digest(find(method).function), method, values, given, format]
     parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
-    if "model" in values:
+    if method in SHIPPED:
         parts.append(_weights(method, values["model"]))
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     return BatchSettings(method, dict(parameters), given, force, key), every["threads"], every["progress"]

@@ -21,6 +21,8 @@ from cascadenorm.learned.surface_filter import with_filtered_surfaces
 from cascadenorm.mesh import Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
+SHIPPED = ("auto", "cascade")
+"""The methods that use weights, which are also the names of the weights that ship with the package."""
 Learned = Cascade | GatedCascades
 Model = Annotated[
     Learned | Path | None, Parameter("Weights file written by `cascadenorm train`. Default: the shipped weights")

@@ -5,16 +5,19 @@ import shutil
 import subprocess
 import sys
 import time
+from typing import Annotated
 
 import pytest
 from evaluated import SHAPES, python
 from shapes import icosphere
 
+from cascadenorm.batch.settings import batch_settings
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation.harness import evaluate
 from cascadenorm.io.digests import source_digest
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry import Parameter
 from cascadenorm.registry import methods as registry
 
 
@@ -54,6 +57,17 @@ def test_a_mesh_that_was_lost_is_made_again(folder, tmp_path, monkeypatch):
     (tmp_path / "ball" / "counted.ply").unlink()
     evaluate(folder / "ball", methods="counted", keep=tmp_path)
     assert calls and (tmp_path / "ball" / "counted.ply").exists()
+
+
+def test_a_model_of_a_method_of_ones_own_is_no_weights_file_of_this_package(folder, tmp_path, monkeypatch):
+    def mine(mesh, *, model: Annotated[str | None, Parameter("my network")] = None):
+        return mesh.vertices.copy()
+
+    method = registry.Method("mine", mine, "", registry._settings(mine))
+    monkeypatch.setitem(registry._methods, "mine", method)
+    for parameters in ({}, {"model": "anything"}):
+        assert not evaluate(folder, methods="mine", parameters=parameters, keep=tmp_path / "kept").failures
+        batch_settings("mine", parameters, {}, None, force=False)  # raises nothing
 
 
 def test_the_folder_of_the_pairs_is_refused_since_their_noisy_meshes_would_be_overwritten(folder, tmp_path):
