@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
+from hashlib import sha256
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, overload
@@ -29,7 +30,7 @@ from cascadenorm.execution.memory import (
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.learned.methods import SHIPPED, weights_file
+from cascadenorm.learned.methods import SHIPPED, Learned, weights_file
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find, registered
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
@@ -254,7 +255,10 @@ def weights_digest(method: str, parameters: Mapping[str, Any]) -> str | None:
     """Return the SHA-256 of the weights that a method uses with some parameters; None for a method without weights."""
     if method not in SHIPPED:
         return None
-    return file_digest(weights_file(method, parameters.get("model")))
+    model = parameters.get("model")
+    if isinstance(model, Learned):
+        return sha256(model.to_bytes()).hexdigest()
+    return file_digest(weights_file(method, model))
 
 
 def compare(mesh: Any, reference: Any) -> Measures:

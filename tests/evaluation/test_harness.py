@@ -14,6 +14,7 @@ from cascadenorm.evaluation.harness import NOISY, evaluate
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import ReadError
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.learned.methods import shipped
 from cascadenorm.registry import methods as registry
 
 
@@ -87,6 +88,15 @@ def test_unknown_methods_and_parameters_are_refused_before_any_work(folder):
         evaluate([folder / "absent"], methods=["magic"])
     with pytest.raises(ParameterError, match="laplacian has no parameter 'wings'"):
         evaluate([folder / "absent"], methods=["laplacian"], parameters={"wings": 1})
+
+
+def test_weights_are_checked_before_any_work_and_may_be_a_loaded_model(folder, tmp_path):
+    for wrong in (tmp_path / "absent", folder / "ball" / "noisy.ply"):
+        with pytest.raises(ParameterError, match="weights"):
+            evaluate(folder, methods="auto", parameters={"model": wrong}, keep=tmp_path / "kept")
+    given = {"model": shipped("cascade")}
+    done = [evaluate(folder / "ball", methods="cascade", parameters=given, keep=tmp_path / "kept") for _ in range(2)]
+    assert not done[0].failures and done[1].results == done[0].results
 
 
 def test_results_of_other_programs_are_rows_like_methods(folder, tmp_path):
