@@ -33,12 +33,12 @@ def unpacked(path: str | PathLike[str]) -> tuple[dict[str, Any], Arrays]:
         The file is missing, cannot be read, or is not a weights file.
     """
     try:
-        with safe_open(fspath(path), framework="numpy") as file:
-            header = json.loads((file.metadata() or {}).get("cascadenorm", "{}"))
+        with open(path, "rb"), safe_open(fspath(path), framework="numpy") as file:  # open explains what is no file
+            header = json.loads((file.metadata() or {})["cascadenorm"])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
     except OSError as error:
         raise ParameterError(f"the weights {fspath(path)} cannot be read: {error.strerror or error}") from None
-    except (SafetensorError, json.JSONDecodeError):
+    except (SafetensorError, KeyError, ValueError):
         raise ParameterError(f"{fspath(path)} is not a weights file: train one with `cascadenorm train`") from None
     for tensor in tensors.values():
         tensor.flags.writeable = False

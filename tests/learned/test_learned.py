@@ -1,4 +1,5 @@
 import json
+import sys
 from dataclasses import asdict, replace
 from itertools import product
 
@@ -421,13 +422,20 @@ def test_weights_for_filters_over_rings_are_refused(tmp_path):
 def test_files_that_hold_no_cascade_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="cannot be read: No such file"):
         Cascade.load(tmp_path / "missing.safetensors")
+    if sys.platform != "win32":
+        with pytest.raises(ParameterError, match="cannot be read: Is a directory"):
+            Cascade.load(tmp_path)
     text = tmp_path / "text.safetensors"
     text.write_text("no weights")
     with pytest.raises(ParameterError, match="is not a weights file"):
         Cascade.load(text)
     other = tmp_path / "other.safetensors"
-    save_file({"a": np.zeros(2)}, other, {"format": "pt"})
-    with pytest.raises(ParameterError, match="format None"):
+    content = json.dumps({"a": {"dtype": "BF16", "shape": [1], "data_offsets": [0, 2]}})
+    other.write_bytes(len(content).to_bytes(8, "little") + content.encode() + bytes(2))  # numpy lacks this type
+    with pytest.raises(ParameterError, match="is not a weights file"):
+        Cascade.load(other)
+    save_file({"a": np.zeros(2)}, other, {"cascadenorm": json.dumps({"format": "cascadenorm/99"})})
+    with pytest.raises(ParameterError, match="format 'cascadenorm/99'"):
         Cascade.load(other)
     partial = tmp_path / "partial.safetensors"
     arrays = {f"stage0.{name}": a for name, a in random_regression("B").arrays().items() if name != "projection"}
