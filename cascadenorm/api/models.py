@@ -194,8 +194,8 @@ def train(
     check_output(output, force=force)
     checkpoint = output.with_name(output.name + ".training")
     resumed, lines, events = checkpoint.exists(), *(None if one is None else Path(one) for one in (log, tensorboard))
-    if lines is not None and not resumed:
-        check_output(checked_log(lines), force=force)
+    if lines is not None:
+        check_output(checked_log(lines), force=force or resumed)
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)
         with recording(lines, events, resumed=resumed) if is_main() else nullcontext(unrecorded) as record:

@@ -235,6 +235,20 @@ def test_logs_of_another_kind_are_refused(tmp_path, capsys):
     assert "must end in .csv or .jsonl" in capsys.readouterr().err
 
 
+def test_a_training_that_cannot_start_leaves_no_log(tmp_path, monkeypatch, capsys):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    words = ["train", "--config", str(tmp_path / "tiny.toml"), "-o", str(tmp_path / "w.safetensors")]
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    assert run([*words, "--log", str(tmp_path / "log.csv"), "--tensorboard", str(tmp_path / "runs")]) == 1
+    assert "pip install tensorboard" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["tiny.toml"]
+    (tmp_path / "w.safetensors.training").mkdir()  # as if it had been interrupted
+    (tmp_path / "folder.csv").mkdir()
+    for log, message in (("folder.csv", "is a folder"), ("absent/log.csv", "does not exist: create it first")):
+        assert run([*words, "--log", str(tmp_path / log)]) == 5
+        assert message in capsys.readouterr().err
+
+
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     """A folder with the settings of a small training and the model that it made, and what was printed."""

@@ -50,7 +50,7 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
     Parameters
     ----------
     log
-        File with an extension in LOG_EXTENSIONS. None writes no file.
+        File with an extension in LOG_EXTENSIONS, in a folder that exists. None writes no file.
     tensorboard
         Folder for TensorBoard events. None writes none.
     resumed
@@ -58,21 +58,17 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
 
     Raises
     ------
-    ParameterError
-        The extension of the log file is unknown.
     MissingDependencyError
         TensorBoard is not installed.
     """
     recorders: list[Recorder] = []
     lock = Lock()
     with ExitStack() as opened:
+        if tensorboard is not None:  # first, since without its package no log is to be left behind
+            recorders.append(opened.enter_context(_events(tensorboard)))
         if log is not None:
-            checked_log(log)
-            log.parent.mkdir(parents=True, exist_ok=True)
             file = opened.enter_context(log.open("a" if resumed else "w", encoding="utf-8", newline=""))
             recorders.append(_lines(file, log.suffix))
-        if tensorboard is not None:
-            recorders.append(opened.enter_context(_events(tensorboard)))
 
         def record(done: Pass) -> None:
             with lock:
