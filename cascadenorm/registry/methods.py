@@ -185,6 +185,6 @@ def _settings(function: "Callable[..., Vectors]") -> dict[str, Setting]:
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
             continue
-        kind, about = declared(f"{function.__qualname__}: {name}", hints[name])
+        kind, about = declared(f"{function.__qualname__}: {name}", hints.get(name))
         settings[name] = Setting(name, kind, parameter.default, about)
     return settings
