@@ -65,8 +65,10 @@ class Setting:
 
     @property
     def choices(self) -> tuple[Any, ...]:
-        """Values of a `Literal`; empty for other types."""
+        """Values of a `Literal` or of bool; empty for other types."""
         (kind, *others) = self.kinds
+        if kind is bool and not others:
+            return True, False
         return get_args(kind) if not others and get_origin(kind) is Literal else ()
 
     @property

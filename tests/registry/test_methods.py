@@ -1,8 +1,11 @@
 """Methods that are registered from outside the package."""
 
+from typing import Annotated
+
 import pytest
 
-from cascadenorm.registry import method
+from cascadenorm.errors import ParameterError
+from cascadenorm.registry import Parameter, method
 from cascadenorm.registry import methods as registry
 
 
@@ -19,3 +22,15 @@ def test_a_parameter_without_a_declaration_is_refused_with_its_name(registered):
         @registered
         def mine(mesh, *, rounds=3):
             return mesh.vertices
+
+
+def test_a_flag_is_never_the_truth_of_a_text(registered):
+    @registered
+    def mine(mesh, *, double: Annotated[bool, Parameter("whether to double the mesh")] = False):
+        return mesh.vertices * (2 if double else 1)
+
+    checked = registry.find("mine").checked
+    for value in (False, True):
+        assert checked({"double": value}) == checked({"double": str(value)}) == {"double": value}
+    with pytest.raises(ParameterError, match="double is 'false'; it must be one of True, False"):
+        checked({"double": "false"})

@@ -90,7 +90,8 @@ def _declared(property: FilterProperty, options: dict[str, Any]) -> Any:
     about = {"name": label(setting.name), "description": property.help.removesuffix("."), **options}
     if setting.choices:
         items = [(name, name, "") for name in setting.choice_names]
-        return bpy.props.EnumProperty(**about, items=items, default=str(setting.default or "none"))
+        default = "none" if setting.default is None else str(setting.default)
+        return bpy.props.EnumProperty(**about, items=items, default=default)
     if setting.kinds == (int,) and not setting.optional:
         return bpy.props.IntProperty(**about, **_range(property), default=setting.default)
     if setting.kinds == (float,) and not setting.optional:
