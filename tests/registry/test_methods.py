@@ -3,8 +3,10 @@
 from typing import Annotated
 
 import pytest
+from shapes import icosphere
 
-from cascadenorm.errors import ParameterError
+import cascadenorm as cn
+from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.registry import Parameter, method
 from cascadenorm.registry import methods as registry
 
@@ -34,3 +36,13 @@ def test_a_flag_is_never_the_truth_of_a_text(registered):
         assert checked({"double": value}) == checked({"double": str(value)}) == {"double": value}
     with pytest.raises(ParameterError, match="double is 'false'; it must be one of True, False"):
         checked({"double": "false"})
+
+
+@pytest.mark.parametrize("returned", [lambda v: None, lambda v: v[:-1], lambda v: v[:1], lambda v: v.ravel()])
+def test_a_result_that_is_not_an_array_of_vertices_is_named(registered, returned):
+    @registered
+    def mine(mesh):
+        return returned(mesh.vertices)
+
+    with pytest.raises(DenoiseError, match=r"mine returned .*; it must return an array of shape \(162, 3\)"):
+        cn.denoise(icosphere(2), method="mine")
