@@ -106,7 +106,7 @@ def spread_table(done: Evaluation) -> Table:
     shown = [column for column in TABLE_COLUMNS if column.title in SPREAD_COLUMNS]
     rows = []
     for method in done.methods:
-        cells = [Cell(method)]
+        cells = [_marked(Cell(method), incomplete=method in done.partial)]
         for column in shown:
             of_seed: dict[int, list[float]] = {}
             for one in done.results:
@@ -119,7 +119,8 @@ def spread_table(done: Evaluation) -> Table:
             cells.append(Cell(f"{mean(means):.{digits}f} ± {stdev(means):.{digits}f}" if known else column.missing))
         rows.append(tuple(cells))
     head = tuple(f"{column.title} ({column.unit})" for column in shown)
-    return Table(f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds", ("method", *head), rows)
+    title = f"Mean ± standard deviation over {len(set(done.seeds.values()))} seeds"
+    return Table(f"{title}{PARTIAL_NOTE if done.partial else ''}", ("method", *head), rows)
 
 
 def _cells(column: Column, results: Sequence[RunResult | None], incomplete: Set[str] = frozenset()) -> list[Cell]:

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import shutil
 import sys
 from base64 import b64decode
 
@@ -60,6 +61,14 @@ def test_means_over_fewer_pairs_are_marked_and_never_the_best(measured, capsys):
     assert "not compared" in of_pair.title and "not compared" in means.title
     print_evaluation(part)
     assert "not compared" in " ".join(capsys.readouterr().out.split())
+
+
+def test_spreads_over_fewer_pairs_are_marked(folder, tmp_path):
+    for seed in range(2):
+        shutil.copy(folder / "ball" / "noisy.ply", tmp_path / f"ball-seed{seed}.ply")
+    done = evaluate(folder, methods=[], results={"theirs": tmp_path}, noise=0.2, seeds=2)
+    table = tables.spread_table(done)
+    assert table.title.endswith("not compared)") and [row[0].text for row in table.rows] == [NOISY, "theirs *"]
 
 
 def test_tables_are_written_for_pages_and_papers(measured):
