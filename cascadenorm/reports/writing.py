@@ -68,7 +68,7 @@ def report(
     output
         HTML file.
     mesh
-        Mesh of any kind that `denoise` accepts. A single mesh is shown without its invalid vertices and faces. If
+        Mesh of any kind that `denoise` accepts. A single file is shown without its invalid vertices and faces. If
         it has no valid face, the report is text only.
     result
         The denoised mesh.
