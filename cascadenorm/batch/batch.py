@@ -36,6 +36,9 @@ from cascadenorm.registry.controls import Controls, with_control_parameters
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+LONGEST_WAIT_S = 3600.0
+"""Maximum number of seconds of one wait, because the system cannot wait for months."""
+
 COST = 20_000
 """Fixed cost of a file in the progress, expressed as an equivalent number of bytes."""
 
@@ -242,7 +245,7 @@ class _Run:
             self._add(jobs)
             while self.schedule.left or watched is not None:
                 self._begin_all()
-                for job, outcome in self.processes.ended(self._patience(None if watched is None else SCAN)):
+                for job, outcome in self.processes.ended(self._patience(LONGEST_WAIT_S if watched is None else SCAN)):
                     self._end(job, outcome)
                 self._stop_late()
                 if watched is not None:
@@ -282,12 +285,10 @@ class _Run:
         self.busy[task.job] = _Begun(task, place, threads, end)
         self.processes.begin(place, task, threads)
 
-    def _patience(self, seconds: float | None) -> float | None:
+    def _patience(self, seconds: float) -> float:
         """Return how long to wait for outcomes: the given seconds, or less if a file reaches its timeout earlier."""
-        if self.timeout is None or not self.busy:
-            return seconds
-        left = max(0.0, min(begun.end for begun in self.busy.values()) - time.monotonic())
-        return left if seconds is None else min(seconds, left)
+        left = min((begun.end for begun in self.busy.values()), default=math.inf) - time.monotonic()
+        return min(seconds, max(0.0, left))
 
     def _stop_late(self) -> None:
         """Stop the processes that exceeded the timeout."""

@@ -197,3 +197,9 @@ def test_a_limit_that_is_infinite_ends_no_batch(place, capsys):
     assert [line["summary"]["controls"]["max_displacement"] for line in lines(place / "out", "done")] == ["inf"] * 2
     words = ["denoise", "scans/a/0.ply", *FAST, "--max-displacement", "inf", "--json"]
     assert run(words) == 0 and json.loads(capsys.readouterr().out)["controls"]["max_displacement"] == "inf"
+
+
+def test_a_timeout_longer_than_the_system_can_wait_is_no_limit(place):
+    scans(place / "scans", 1)
+    assert run(["batch", *FAST, "scans", "-o", "out", "--workers", "1", "--timeout", "1e9"]) == 0
+    assert set(results(place / "out")) == {"a/0.ply"}
