@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -54,5 +55,5 @@ def _as_text(value: Any) -> str:
 
 def _content(value: Any) -> str:
     """Return the digest of the file that a control names, such as a mask; empty for other values."""
-    named = isinstance(value, str | PathLike) and Path(value).is_file()
+    named = isinstance(value, str | PathLike) and os.path.isfile(value)  # also of a list that is too long for a name
     return file_digest(Path(value)) if named else ""

@@ -38,3 +38,7 @@ def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path)
     assert len({key(), *others}) == 6
     with pytest.raises(ParameterError, match="cannot be read"):
         key("auto", {"model": tmp_path / "none.safetensors"})
+
+
+def test_a_list_of_vertices_may_be_longer_than_a_file_name():
+    batch_settings("laplacian", {}, {"fixed": ",".join(map(str, range(100)))}, None, force=False)
