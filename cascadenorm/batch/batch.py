@@ -182,11 +182,12 @@ def _started(
 
 def _manifest_path(folder: str | Path, given: str | PathLike[str] | None) -> Path:
     """Return the path of the manifest, a local file."""
+    if isinstance(folder, str):
+        check_writable(folder)
     if given is not None:
         return Path(given)
     if isinstance(folder, Path):
         return folder / MANIFEST_NAME
-    check_writable(folder)
     raise ParameterError(
         f"is not given, and {folder} is a URL: name a file of this machine that records what is done",
         parameter="manifest",

@@ -260,6 +260,8 @@ def test_what_cannot_be_written_whole_or_has_no_manifest_is_refused(tmp_path):
     scans(tmp_path / "scans", 1)
     with pytest.raises(OutputError, match=r"https://host/out cannot be written: results go to folders or object"):
         denoise_files(tmp_path / "scans", "https://host/out")
+    with pytest.raises(OutputError, match=r"https://host/out cannot be written: results go to folders or object"):
+        denoise_files(tmp_path / "scans", "https://host/out", manifest=tmp_path / "m.jsonl")
     with pytest.raises(ParameterError, match="manifest is not given, and s3://bucket/out is a URL"):
         denoise_files(tmp_path / "scans", "s3://bucket/out")
     with pytest.raises(ReadError, match="some sources are URLs and others are not"):
