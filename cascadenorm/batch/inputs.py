@@ -137,8 +137,10 @@ def _files(place: str, skipped: list[str]) -> Iterable[Path]:
     if has_magic(place) and not os.path.exists(place):
         found = [Path(name) for name in sorted(glob(place, recursive=True))]
     elif os.path.isdir(place):
-        walk = os.walk(place, onerror=_unlisted)
-        found = [Path(parent, name) for parent, _, names in walk for name in names if name[0] != "."]
+        found = []
+        for parent, folders, inside in os.walk(place, onerror=_unlisted):
+            folders[:] = [name for name in folders if name[0] != "."]  # as patterns do
+            found += [Path(parent, name) for name in inside if name[0] != "."]
         found.sort()
     else:
         return [Path(place)]

@@ -67,7 +67,7 @@ def files_at(url: str) -> list[RemoteFile]:
         entries = system.glob(path, detail=True) if WILDCARD.search(url) else system.find(path, detail=True)
         files = {name: entry for name, entry in entries.items() if entry.get("type") != "directory"}
         found = [_described(system.unstrip_protocol(name), entry) for name, entry in files.items()]
-    return sorted(file for file in found if not file_name(file.url).startswith("."))
+    return sorted(file for file in found if "/." not in file.url.removeprefix(fixed_part(url)))
 
 
 def exists(url: str) -> bool:

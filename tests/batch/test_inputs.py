@@ -20,6 +20,8 @@ def test_results_lie_as_the_files_do(place):
     scans(place / "scans", 2)
     (place / "scans" / "notes.txt").write_text("no mesh", encoding="ascii")
     (place / "scans" / ".hidden.ply").touch()
+    (place / "scans" / ".hidden").mkdir()
+    (place / "scans" / ".hidden" / "0.ply").touch()
     for sources in ("scans", "scans/**/*", [place / "scans"], ["scans/a/*.ply", "scans/b/0.ply"]):
         jobs = find_jobs(sources, Path("out"), "stl")
         assert [job.output for job in jobs] == ["out/a/0.stl", "out/b/0.stl"]

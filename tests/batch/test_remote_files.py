@@ -92,7 +92,7 @@ def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path
 
 def test_names_with_a_hash_or_a_question_mark_are_not_passed_over(bucket, tmp_path):
     scans(tmp_path / "scans", 1)
-    for name in ("a#1.ply", "a?1.ply", "a?2.ply", "b#/c.ply"):
+    for name in ("a#1.ply", "a?1.ply", "a?2.ply", "b#/c.ply", ".hidden.ply", ".hidden/d.ply"):
         bucket.upload_file(str(tmp_path / "scans" / "a" / "0.ply"), f"scans/{name}")
     root = f"s3://{bucket.name}/scans"
     inside = {job.source: job.output for job in find_jobs(root, "out")}
