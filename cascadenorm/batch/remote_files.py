@@ -166,4 +166,6 @@ def _reached(url: str, kind: type[ReadError] | type[OutputError], what: str) -> 
     except Exception as error:  # each kind of URL has its own errors
         cause = error if isinstance(error, OSError) else OSError(str(error))
         text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        if isinstance(error, FileNotFoundError) and text in url:  # some kinds only repeat the name
+            text = "it does not exist"
         raise kind(f"{url} cannot be {what}: {text}") from cause

@@ -129,7 +129,7 @@ def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch)
         found = denoise_files(names, "out", method="laplacian", workers=1, retries=0)
         assert results(tmp_path / "out") == results(tmp_path / "local")
         (failure,) = found.failures
-        assert failure.source == names[2] and f"{names[2]} cannot be read: " in str(failure.error)
+        assert failure.source == names[2] and f"{names[2]} cannot be read: it does not exist" in str(failure.error)
         listed = [job.source for job in find_jobs(f"{root}/scans/*/*.ply", "out")]
         assert sorted(listed) == [f"{root}/scans/a/0.ply", f"{root}/scans/b/0.ply"]
     finally:
