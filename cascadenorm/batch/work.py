@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -176,12 +177,14 @@ def _exists(name: str) -> bool:
 
 
 def _check_target(settings: BatchSettings, task: Task) -> None:
-    """Raise OutputError if the output exists and was not written by a batch."""
+    """Raise OutputError if the output exists and was not written by a batch, or is a link to the source."""
     output = task.job.output
     if is_url(output):
         if exists(output) and not settings.force and not _is_ours(task):
             raise OutputError(f"{output} exists already", hint="choose another name", remedy=("force", True))
     elif Path(output).exists():
+        if os.path.realpath(output) == os.path.realpath(task.job.source):
+            raise OutputError(f"{output} is a link to {task.job.source}", hint="remove it, or choose another folder")
         check_output(Path(output), force=settings.force or _is_ours(task))
 
 

@@ -203,3 +203,12 @@ def test_a_timeout_longer_than_the_system_can_wait_is_no_limit(place):
     scans(place / "scans", 1)
     assert run(["batch", *FAST, "scans", "-o", "out", "--workers", "1", "--timeout", "1e9"]) == 0
     assert set(results(place / "out")) == {"a/0.ply"}
+
+
+def test_a_result_that_is_a_link_to_its_source_does_not_overwrite_it(place):
+    scans(place / "scans", 1)
+    before = results(place / "scans")
+    (place / "out").mkdir()
+    (place / "out" / "0.ply").symlink_to(place / "scans" / "a" / "0.ply")
+    (failure,) = denoise_files("scans/a", "out", method="laplacian", workers=1, force=True).failures
+    assert "is a link to" in str(failure.error) and results(place / "scans") == before
