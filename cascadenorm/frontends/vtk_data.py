@@ -65,6 +65,8 @@ def _with_arrays(settings: Mapping[str, Any], mesh: Any) -> dict[str, Any]:
         array, equals, value = only.partition("=")
         values = _array("only", array, cells)
         found["only"] = values == _number("only", value) if equals else values != 0
+        if not found["only"].any():
+            raise ParameterError(f"matches no cell with {only!r}", parameter="only")
     if isinstance(creases := found.get("creases"), str):
         found["creases"] = _number("creases", creases)
     return found

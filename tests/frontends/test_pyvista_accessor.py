@@ -77,6 +77,8 @@ def test_arrays_are_controls_by_their_names(ball):
         ball.cascadenorm.denoise(mask="wait")
     with pytest.raises(cn.ParameterError, match="only is 'steel'; it must be a number"):
         ball.cascadenorm.denoise(only="label=steel")
+    with pytest.raises(cn.ParameterError, match="only matches no cell with 'label=11'"):
+        ball.cascadenorm.denoise(only="label=11")
 
 
 def test_it_inspects_and_compares(ball):
