@@ -58,7 +58,8 @@ def _with_arrays(settings: Mapping[str, Any], mesh: Any) -> dict[str, Any]:
     points, cells = mesh.GetPointData(), mesh.GetCellData()
     if isinstance(mask := found.get("mask"), str):
         values = _array("mask", mask, points)
-        found["mask"] = values / 255 if values.dtype == np.uint8 else values
+        fractions = values.dtype == np.uint8 and values.max(initial=0) > 1  # PyVista stores bool as uint8 as well
+        found["mask"] = values / 255 if fractions else values
     if isinstance(fixed := found.get("fixed"), str):
         found["fixed"] = _array("fixed", fixed, points) != 0
     if isinstance(only := found.get("only"), str):

@@ -70,6 +70,8 @@ def test_arrays_are_controls_by_their_names(ball):
     by_name = ball.cascadenorm.denoise(mask="weight", only="label=2", **METHOD)
     given = cn.denoise(ball, mask=RIGHT, only=UPPER, **METHOD)
     assert by_name.points.tobytes() == given.points.tobytes() != ball.points.tobytes()
+    ball.point_data["right"] = RIGHT
+    assert ball.cascadenorm.denoise(mask="right", only="label=2", **METHOD).points.tobytes() == given.points.tobytes()
     fixed = ball.cascadenorm.denoise(fixed="weight", **METHOD)
     assert fixed.points[RIGHT].tobytes() == ball.points[RIGHT].tobytes()
     assert fixed.points[~RIGHT].tobytes() != ball.points[~RIGHT].tobytes()
