@@ -56,7 +56,8 @@ class CascadenormError(Exception):
         """
         ways = [self.hint] if self.hint else []
         if self.remedy:
-            ways.append(f"pass {setting_name(*self.remedy)}")
+            verb = "denoise with" if self.remedy[0] == "on_bad" else "pass"  # other functions have no `on_bad`
+            ways.append(f"{verb} {setting_name(*self.remedy)}")
         place = f"{self.place}: " if self.place else ""
         return f"{place}{self._stated(setting_name)}{': ' if ways else ''}{', or '.join(ways)}"
 

@@ -276,12 +276,12 @@ def test_the_way_out_is_spelled_as_where_it_is_asked_for(tmp_path, capsys):
     not_finite.write_bytes(ply("ascii", vertices, BALL.faces))
     out_of_range.write_bytes(ply("ascii", BALL.vertices, faces))
     for source in (not_finite, out_of_range):
-        with pytest.raises(cn.MeshError, match="or pass on_bad='isolate'"):
+        with pytest.raises(cn.MeshError, match="or denoise with on_bad='isolate'"):
             cn.denoise(source)
         for command in (["denoise", str(source)], ["compare", str(source), str(source)]):
             assert run(command) == 4
             err = capsys.readouterr().err
-            assert "or pass --on-bad isolate" in err and "on_bad" not in err
+            assert "or denoise with --on-bad isolate" in err and "on_bad" not in err
 
 
 def test_a_file_without_vertices_is_refused():
