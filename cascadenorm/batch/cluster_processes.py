@@ -111,10 +111,10 @@ class ClusterProcesses:
         self._busy[task.job] = place, future
         future.add_done_callback(lambda _: self._ready.put((task.job, future)))
 
-    def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
+    def ended(self, seconds: float) -> list[tuple[Job, Outcome | WorkerError]]:
         """Wait for outcomes, at most until the next check of the workers. Raises WorkerError if all are unreachable."""
         found: list[tuple[Job, Outcome | WorkerError]] = []
-        wait = POLL_INTERVAL_S if seconds is None else min(seconds, POLL_INTERVAL_S)
+        wait = min(seconds, POLL_INTERVAL_S)
         with suppress(Empty):
             while True:
                 job, future = self._ready.get(timeout=0.0 if found else wait)

@@ -26,7 +26,7 @@ class Processes(Protocol):
     def begin(self, place: Place, task: Task, threads: int) -> None:
         """Start processing a file in an idle process of the place."""
 
-    def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
+    def ended(self, seconds: float) -> list[tuple[Job, Outcome | WorkerError]]:
         """Wait for outcomes, at most this many seconds; a process that died early yields a WorkerError."""
 
     def stop(self, job: Job) -> None:
@@ -50,10 +50,10 @@ class LocalProcesses:
         self._busy[task.job] = self._idle.pop() if self._idle else Worker(self._serve)
         self._busy[task.job].send((task, threads))
 
-    def ended(self, seconds: float | None) -> list[tuple[Job, Outcome | WorkerError]]:
+    def ended(self, seconds: float) -> list[tuple[Job, Outcome | WorkerError]]:
         """Wait for outcomes, at most this many seconds."""
         if not self._busy:
-            time.sleep(seconds or 0.0)
+            time.sleep(seconds)
             return []
         jobs = {worker: job for job, worker in self._busy.items()}
         found: list[tuple[Job, Outcome | WorkerError]] = []

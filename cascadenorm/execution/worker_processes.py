@@ -107,7 +107,7 @@ class Worker(Generic[Sent, Received]):
             worker.kill()
 
 
-def first_ready(workers: "Sequence[Worker[Sent, Received]]", seconds: float | None) -> "list[Worker[Sent, Received]]":
+def first_ready(workers: "Sequence[Worker[Sent, Received]]", seconds: float) -> "list[Worker[Sent, Received]]":
     """Wait until a worker has answered or ended, at most this many seconds; return all such workers."""
     closed = [worker for worker in workers if worker.link.closed]
     ready = closed or wait([worker.link for worker in workers], seconds)

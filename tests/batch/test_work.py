@@ -52,10 +52,10 @@ def test_a_process_whose_outcome_cannot_be_read_is_stopped_and_the_others_go_on(
         begun = [worker._process for worker in processes._busy.values()]
         found = {}
         while len(found) < 2:
-            found |= dict(processes.ended(None))
+            found |= dict(processes.ended(60))
         assert found[tasks[1].job] == Outcome(status="kept")
         assert isinstance(found[tasks[0].job], WorkerError) and "cannot be read: TypeError" in str(found[tasks[0].job])
         assert [process.is_alive() for process in begun] == [False, True]
         processes.begin(processes.places[0], tasks[1], 1)
-        assert processes.ended(None) == [(tasks[1].job, Outcome(status="kept"))]
+        assert processes.ended(60) == [(tasks[1].job, Outcome(status="kept"))]
     assert not begun[1].is_alive()
