@@ -38,7 +38,8 @@ def test_a_way_out_is_a_setting_and_not_a_text():
     vertices[3] = np.nan
     error = raised(cn.denoise, vertices, BALL.faces)
     assert error.remedy == ("on_bad", "isolate")
-    assert str(error).endswith("or denoise with on_bad='isolate'") and worded(error).endswith("or denoise with --on-bad isolate")
+    assert str(error).endswith("or denoise with on_bad='isolate'")
+    assert worded(error).endswith("or denoise with --on-bad isolate")
 
 
 def test_a_file_that_exists_may_be_replaced_by_force(tmp_path):
