@@ -31,15 +31,12 @@ class Manifest:
             with explained_writing(self.path):
                 self._file.seek(0)
                 data = self._file.read()
+                self._read(data)
                 if data and not data.endswith(b"\n"):
                     self._file.write(b"\n")
         except BaseException:
             self.close()
             raise
-        for text in data.splitlines():
-            line = _parsed(text)
-            if line is not None:
-                self.last[line["output"]] = line
 
     def add(self, line: Line) -> None:
         """Append a line in a single write."""
@@ -50,6 +47,14 @@ class Manifest:
     def close(self) -> None:
         """Close the file and release its lock, so that other batches can write to the folder."""
         self._file.close()
+
+    def _read(self, data: bytes) -> None:
+        for text in data.splitlines():
+            line = _parsed(text)
+            if line is not None:
+                self.last[line["output"]] = line
+        if data and not self.last and not data.startswith(b'{"'):  # a first line that was cut begins like this
+            raise OutputError(f"{self.path} is not the manifest of a batch", hint="name another file")
 
     def _lock(self) -> None:
         if sys.platform == "win32":
@@ -69,4 +74,5 @@ def _parsed(text: bytes) -> Line | None:
         line = json.loads(text)
     except ValueError:
         return None
-    return line if isinstance(line, dict) and isinstance(line.get("output"), str) else None
+    texts = (line.get(key) for key in ("output", "status")) if isinstance(line, dict) else (None,)
+    return line if all(isinstance(text, str) for text in texts) else None

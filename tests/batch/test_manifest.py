@@ -15,11 +15,22 @@ def test_half_a_line_does_not_count_and_the_next_is_whole(tmp_path):
     assert set(manifest.last) == {"a"}
     with pytest.raises(OutputError, match="another batch is writing"):
         Manifest(tmp_path / MANIFEST_NAME)
-    manifest.add({"output": "c"})
+    manifest.add({"output": "c", "status": "done"})
     manifest.close()
     again = Manifest(tmp_path / MANIFEST_NAME)
     assert set(again.last) == {"a", "c"}
     again.close()
+
+
+@pytest.mark.parametrize("content", ["ply\nformat ascii 1.0\n", '{\n "asset": {}\n}', "[1]"])
+def test_another_file_is_not_continued_as_a_manifest(tmp_path, content):
+    path = tmp_path / "mesh.ply"
+    path.write_text(content, "utf-8")
+    with pytest.raises(OutputError, match=r"mesh\.ply is not the manifest of a batch: name another file"):
+        Manifest(path)
+    assert path.read_text("utf-8") == content
+    path.write_text('{"output": "a", "sta', "utf-8")
+    Manifest(path).close()
 
 
 def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path):
