@@ -22,6 +22,10 @@ class Stage:
         Number of pairs of filtered normals whose angles the networks read; 0 selects all pairs.
     activation
         Activation of the hidden layers of its networks, "silu" or "tanh".
+    meshes
+        Number of generated meshes that it is trained on, the first ones; 0 selects all. Given pairs are always used.
+    epochs
+        Maximum number of epochs of its training; 0 selects `fit.epochs`.
     weighting, foldovers, sweeps
         Settings of the vertex update after the stage, see `recover_vertices`.
     """
@@ -29,6 +33,8 @@ class Stage:
     descriptor: str
     pairs: int = 0
     activation: Activation = "silu"
+    meshes: int = 0
+    epochs: int = 0
     weighting: Weighting = "uniform"
     foldovers: Foldovers = "avoid"
     sweeps: int = 20
@@ -42,6 +48,6 @@ class Stage:
         ):
             if getattr(self, name) not in known:
                 raise ConfigError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
-        for name in ("pairs", "sweeps"):
+        for name in ("pairs", "meshes", "epochs", "sweeps"):
             if getattr(self, name) < 0:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be at least 0")

@@ -121,6 +121,24 @@ def test_a_stage_reads_only_as_many_pairs_as_it_declares(tmp_path):
     np.testing.assert_array_equal(second.scaler.pairs, all_pairs(DESCRIPTORS["iterated-16"].size))
 
 
+def test_a_stage_may_have_its_own_number_of_epochs(tmp_path):
+    stages = (Stage(descriptor="B"), Stage(descriptor="B", epochs=3))
+    passes = []
+    train_cascade(replace(TINY, clusters=1, stages=stages, fit=Fit(epochs=2)), tmp_path, record=passes.append)
+    assert [done.stage for done in passes] == [1, 1, 2, 2, 2]
+
+
+def test_a_stage_may_learn_from_a_part_of_the_generated_meshes_and_all_given_ones(tmp_path):
+    own = list(pairs(replace(TINY.data, seed=1), [0], workers=1))
+    config = replace(TINY, clusters=1, faces_per_mesh=2000, fit=Fit(epochs=1))  # all faces of each mesh
+    few = replace(config, data=replace(TINY.data, count=2), stages=(Stage(descriptor="B"),))
+    some = replace(config, stages=(Stage(descriptor="B", meshes=2), Stage(descriptor="B", meshes=9)))
+    (alone,) = train_cascade(few, tmp_path / "few", own=own).stages
+    first, _ = train_cascade(some, tmp_path / "some", own=own).stages
+    for name in (field.name for field in fields(FeatureScaler)):
+        np.testing.assert_array_equal(getattr(first.scaler, name), getattr(alone.scaler, name))
+
+
 def test_chord_is_twice_the_sine_of_half_the_angle():
     angle = torch.tensor([0.2, 1.0])
     turned = torch.stack([torch.cos(angle), torch.sin(angle), 0 * angle], dim=1)

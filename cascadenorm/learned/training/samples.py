@@ -1,6 +1,5 @@
 """Training meshes before the next stage, and their training targets."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +21,7 @@ class Sample:
     Only positions are kept. Derived arrays need ten times the memory and are recomputed when needed.
     """
 
+    index: int  # of its pair; given pairs follow the generated ones
     faces: NDArray[np.int32]
     noisy: Vectors
     truth: Array
@@ -31,12 +31,12 @@ class Sample:
 
     @classmethod
     def drawn(
-        cls, noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, count: int, seed: Sequence[int]
+        cls, index: int, noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, *, count: int, seed: int
     ) -> "Sample":
         """Draw at most `count` of the faces whose true normal is known, that is, not zero."""
         whole = np.flatnonzero(normals.any(axis=1))
-        rows = np.sort(np.random.default_rng(seed).choice(whole, min(count, len(whole)), replace=False))
-        return cls(faces, noisy, normals[rows].astype(np.float32), rows)
+        rows = np.sort(np.random.default_rng((seed, index)).choice(whole, min(count, len(whole)), replace=False))
+        return cls(index, faces, noisy, normals[rows].astype(np.float32), rows)
 
     def meshes(self) -> tuple[Mesh, Mesh]:
         """Return the mesh before the next stage and the noisy mesh. They are the same before the first stage."""

@@ -84,8 +84,9 @@ def train_cascade(
 def _trained(
     config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress, record: Recorder
 ) -> Cascade:
-    if (meshes := config.data.count + len(own)) < distributed.world_size():
-        raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {meshes}: take fewer")
+    fewest = min(min(stage.meshes or config.data.count for stage in config.stages), config.data.count) + len(own)
+    if fewest < distributed.world_size():
+        raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {fewest}: take fewer")
     if is_local_main():
         checkpoints.claim(checkpoint, config, own)
     distributed.barrier()  # the folder exists on each machine from here on
@@ -121,7 +122,10 @@ def _train_stage(
     finished = checkpoint / f"stage{number}.safetensors"
     if done := distributed.broadcast(partial(checkpoints.read_arrays, finished)):
         return done
+    generated = config.data.count
+    samples = [one for one in samples if one.index < (settings.meshes or generated) or one.index >= generated]
     rng = np.random.default_rng([config.seed, number])
+    fit = replace(config.fit, epochs=settings.epochs or config.fit.epochs)
     scaler, faces = _described(samples, each, config, settings, f"stage {number + 1} descriptors", progress)
     stack, context = faces.stack.numpy(), faces.context.numpy()
 
@@ -146,18 +150,18 @@ def _train_stage(
         if not count:
             raise ConfigError(f"cluster {c + 1} has no face to learn from: take fewer clusters, or more meshes")
 
-        task, epochs, notes = f"stage {number + 1} cluster {c + 1}", config.fit.epochs, list[str]()
+        task, notes = f"stage {number + 1} cluster {c + 1}", list[str]()
 
         def log(epoch: int, loss: float, validation: float, angle: float) -> None:
             notes.append(f"{count} faces, loss {loss:.4f}, validation {validation:.4f} ({angle:.2f}°)")
-            progress(task, epoch, epochs, notes[-1])
+            progress(task, epoch, fit.epochs, notes[-1])
             record(Pass(number + 1, c + 1, epoch, loss, validation, angle))
 
         seed = np.random.SeedSequence([config.seed, number, c]).generate_state(1)[0]
-        network = train_network(faces, mine, scaler, config.fit, settings.activation, seed=int(seed), log=log)
+        network = train_network(faces, mine, scaler, fit, settings.activation, seed=int(seed), log=log)
         checkpoints.write_shared_arrays(part, network)
-        if len(notes) < epochs:  # stopped early
-            progress(task, epochs, epochs, notes[-1])
+        if len(notes) < fit.epochs:  # stopped early
+            progress(task, fit.epochs, fit.epochs, notes[-1])
         return network
 
     with ThreadPoolExecutor(thread_count() if distributed.world_size() == 1 else 1) as pool:
@@ -293,7 +297,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
         progress("noisy/clean pairs", done, len(generated))
 
     def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
-        return Sample.drawn(noisy, faces, normals, config.faces_per_mesh, (config.seed, index))
+        return Sample.drawn(index, noisy, faces, normals, count=config.faces_per_mesh, seed=config.seed)
 
     samples = []
     for i, file in files.items():
