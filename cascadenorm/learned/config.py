@@ -58,12 +58,12 @@ class Fit:
 
 
 VERTEX_STAGES = (
-    Stage(descriptor="iterated-32+smoothed", sweeps=10),
-    Stage(descriptor="iterated-16+smoothed", pairs=64, sweeps=10),
-    Stage(descriptor="iterated-16+smoothed", pairs=64, weighting="inverse-height"),
+    Stage(descriptor="iterated-32+smoothed", meshes=4000, sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", pairs=64, epochs=10, sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", pairs=64, epochs=10, weighting="inverse-height"),
 )
 VERTEX_DATA = DatasetConfig(
-    count=4000,
+    count=8000,
     families=(
         "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
         "mounted", "bust", "bumpy", "smooth", "rock", "low_poly", "decimated", "decimated", "subdivided", "structured",
