@@ -30,7 +30,7 @@ from cascadenorm.execution.memory import (
 from cascadenorm.geometry.metrics import Measures, measure
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.learned.methods import SHIPPED, Learned, weights_file
+from cascadenorm.learned.methods import SHIPPED, Learned, loaded, weights_file
 from cascadenorm.mesh import limit_threads
 from cascadenorm.registry import Method, find, registered
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
@@ -249,6 +249,12 @@ def methods() -> dict[str, Method]:
     Methods by name, including your own, each with its source, parameters, units, ranges and defaults.
     """
     return registered()
+
+
+def check_weights(method: str, parameters: Mapping[str, Any]) -> None:
+    """Raise ParameterError if the given weights of a method are invalid."""
+    if method in SHIPPED and parameters.get("model") is not None:
+        loaded(parameters["model"], method)
 
 
 def weights_digest(method: str, parameters: Mapping[str, Any]) -> str | None:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cascadenorm.api.api import check_weights
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
@@ -23,7 +24,6 @@ from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import FilePair, Paths, find_pairs
-from cascadenorm.learned.methods import SHIPPED, loaded
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 
@@ -134,9 +134,7 @@ def evaluate(
     checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
     methods = [methods] if isinstance(methods, str) else methods
     for name in methods:
-        model = find(name).checked(parameters or {}).get("model")
-        if name in SHIPPED and model is not None:
-            loaded(model, name)  # fail early: invalid weights would fail for every pair
+        check_weights(name, find(name).checked(parameters or {}))
     programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
     _check_numbers(workers, timeout, noise, seeds)
     if noise is not None and keep is None and scheduler not in (None, LOCAL_CLUSTER):

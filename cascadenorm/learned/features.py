@@ -37,6 +37,8 @@ FLOOR = 1e-4
 """Added to 1 - cos before the logarithm. Angles below half a degree count as equal."""
 PAIRED_FACES = 128
 """Number of faces whose pairs of normals are compared together. Their normals fit into the L1 cache."""
+LEAST_ROWS = 768
+"""Number of rows from which BLAS rounds the products of the networks alike. It has other kernels for small matrices."""
 TILE = 16
 """Number of faces whose context is transposed together. One row fills a cache line."""
 
@@ -91,7 +93,7 @@ class FeatureScaler:
 
     def _principal(self, stack: PackedNormals) -> Array:
         """Return the principal components of the features of faces, (m, p)."""
-        return in_blocks(len(stack), lambda i, j: self._own(unpacked(stack[i:j])) @ self.projection)
+        return in_blocks(len(stack), lambda i, j: (padded(self._own(unpacked(stack[i:j]))) @ self.projection)[: j - i])
 
     def features(self, stack: Stack, context: Array) -> Array:
         """Return the normalised features of faces: their own, then those of their context.
@@ -121,6 +123,15 @@ class FeatureScaler:
     def _write_own(self, stack: Stack, out: Array) -> None:
         """Write the features of the faces themselves, (d, m)."""
         _write_pairs(stack, self.pairs, self.mean, self.scale, out)
+
+
+def padded(features: Array) -> Array:
+    """Return features, (m, d), with at least LEAST_ROWS rows, so that results do not depend on the number of faces."""
+    if len(features) >= LEAST_ROWS:
+        return features
+    out = np.zeros((features.shape[1], LEAST_ROWS), np.float32)
+    out[:, : len(features)] = features.T
+    return out.T
 
 
 def all_pairs(count: int) -> Ints32:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.compute.elementary import expf
 from cascadenorm.learned.descriptors import DESCRIPTORS, Stack
-from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler, all_pairs, by_filter
+from cascadenorm.learned.features import Array, ComponentSums, FeatureScaler, all_pairs, by_filter, padded
 from cascadenorm.learned.packed_normals import PackedNormals, no_normals, unpacked
 from cascadenorm.learned.stage import Activation, Stage
 from cascadenorm.mesh import Floats32, Mesh, Vectors, in_blocks, kernel, one_blas_thread, unit
@@ -102,7 +102,7 @@ class Regression:
     def _coefficients(self, x: Array) -> Array:
         """Return the coefficients of the normals of faces with features x, (m, k), from the network of each cluster."""
         if len(self.centers) == 1:
-            return self._of_cluster(0, x)
+            return self._of_cluster(0, padded(x))[: len(x)]
         cluster = nearest(x, self.centers)
         coefficients = np.empty((len(x), self.layers[-1][0].shape[-1]), np.float32)
         for c in range(len(self.centers)):

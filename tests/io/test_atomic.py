@@ -87,7 +87,8 @@ def test_new_files_have_the_permissions_of_new_files_and_others_keep_theirs(tmp_
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])  # SIGHUP: its terminal is closed
 def test_a_terminated_command_removes_its_temporary_file(ball, name):
     number = getattr(signal, name, None) or pytest.skip("Windows has no such signal")
-    code = f"import os\nos.fsync = lambda handle: os.kill(os.getpid(), {number:d})\n" + MAIN
+    code = f"import os, signal\nsignal.signal({number:d}, signal.SIG_DFL)\n"  # under nohup, SIGHUP is ignored
+    code += f"os.fsync = lambda handle: os.kill(os.getpid(), {number:d})\n" + MAIN
     done = subprocess.run([sys.executable, "-c", code, "denoise", "ball.ply", *FAST])
     assert done.returncode == 128 + number
     assert os.listdir() == ["ball.ply"]
