@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from cascadenorm.api.api import check_weights, weights_digest
 from cascadenorm.batch.work import BatchSettings
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.digests import file_digest, source_digest
-from cascadenorm.learned.gated import read_model
-from cascadenorm.learned.methods import SHIPPED, weights_file
+from cascadenorm.learned.methods import SHIPPED
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 from cascadenorm.version import __version__
@@ -33,20 +33,15 @@ def batch_settings(
     parts = [__version__, source_digest(find(method).function), method, values, given, format]
     parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
     if method in SHIPPED:
-        parts.append(_weights(method, values["model"]))
+        if not isinstance(model := values["model"], str | PathLike | None):
+            raise ParameterError(
+                f"is a {type(model).__name__}; it must be the path of a weights file, which each process reads",
+                parameter="model",
+            )
+        check_weights(method, values)  # fail early: invalid weights would fail for every file
+        parts.append(weights_digest(method, values))
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     return BatchSettings(method, dict(parameters), given, force, key), every["threads"], every["progress"]
-
-
-def _weights(method: str, model: Any) -> str:
-    if not isinstance(model, str | PathLike | None):
-        raise ParameterError(
-            f"is a {type(model).__name__}; it must be the path of a weights file, which each process reads",
-            parameter="model",
-        )
-    file = weights_file(method, None if model is None else Path(model))
-    read_model(file)  # fail early: an invalid weights file would fail for every file
-    return file_digest(file)
 
 
 def _as_text(value: Any) -> str:
