@@ -52,4 +52,6 @@ def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path)
 
 
 def test_a_list_of_vertices_may_be_longer_than_a_file_name():
-    batch_settings("laplacian", {}, {"fixed": ",".join(map(str, range(100)))}, None, force=False)
+    fixed = ",".join(map(str, range(100)))
+    settings, *_ = batch_settings("laplacian", {}, {"fixed": fixed}, None, force=False)
+    assert settings.controls["fixed"] == fixed
