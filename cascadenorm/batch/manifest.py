@@ -74,5 +74,5 @@ def _parsed(text: bytes) -> Line | None:
         line = json.loads(text)
     except ValueError:
         return None
-    texts = (line.get(key) for key in ("output", "status")) if isinstance(line, dict) else (None,)
-    return line if all(isinstance(text, str) for text in texts) else None
+    valid = isinstance(line, dict) and all(isinstance(line.get(key), str) for key in ("output", "status"))
+    return line if valid else None

@@ -126,7 +126,7 @@ class FeatureScaler:
 
 
 def padded(features: Array) -> Array:
-    """Return features, (m, d), with at least LEAST_ROWS rows, so that results do not depend on the number of faces."""
+    """Return features, (m, d), with at least LEAST_ROWS rows; the added ones are zero."""
     if len(features) >= LEAST_ROWS:
         return features
     out = np.zeros((features.shape[1], LEAST_ROWS), np.float32)

@@ -84,7 +84,7 @@ def train_cascade(
 def _trained(
     config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress, record: Recorder
 ) -> Cascade:
-    fewest = min(min(stage.meshes or config.data.count for stage in config.stages), config.data.count) + len(own)
+    fewest = min([config.data.count, *(stage.meshes for stage in config.stages if stage.meshes)]) + len(own)
     if fewest < distributed.world_size():
         raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {fewest}: take fewer")
     if is_local_main():
