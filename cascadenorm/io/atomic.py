@@ -49,6 +49,15 @@ def check_output(path: Path, *, force: bool) -> None:
         )
 
 
+def check_outputs(*paths: Path | None, force: bool) -> None:
+    """Check the paths that are not None like `check_output`. Raises OutputError if two of them are the same file."""
+    given = [path for path in paths if path is not None]
+    for path in given:
+        check_output(path, force=force)
+    if len({path.resolve() for path in given}) < len(given):
+        raise OutputError(f"several outputs are the same file: {', '.join(map(str, given))}", hint="rename one")
+
+
 def make_folder(folder: Path) -> None:
     """Create a folder and its parents. Raises OutputError if that is impossible."""
     try:

@@ -244,6 +244,17 @@ def test_evaluate_prints_a_table_json_and_csv(pairs, tmp_path, capsys):
     assert f"{errors[3]:.2f}" in out and "open" in out and "mean" in out
 
 
+@pytest.mark.parametrize(
+    "line",
+    ["evaluate pairs --csv same.md --markdown ./same.md", "render pairs/ball/clean.ply -o a.webp --turntable a.webp"],
+)
+def test_two_outputs_that_are_the_same_file_are_refused(line, pairs, monkeypatch, capsys):
+    monkeypatch.chdir(pairs.parent)
+    code, message = refused(capsys, *line.split())
+    assert code == 5 and "several outputs are the same file" in message
+    assert [path.name for path in pairs.parent.iterdir()] == ["pairs"]
+
+
 def test_a_bad_pair_is_exit_code_6_and_the_rest_is_shown(pairs, capsys):
     (pairs / "ball" / "noisy.ply").write_bytes(b"")
     assert run(["evaluate", str(pairs), *FAST, "--json"]) == 6

@@ -123,7 +123,7 @@ def render(
 ) -> None:
     """Render meshes to a picture, without a GPU or a window."""
     from cascadenorm.cli import pictures
-    from cascadenorm.io.atomic import check_output
+    from cascadenorm.io.atomic import check_outputs
     from cascadenorm.render.files import draw
     from cascadenorm.render.scenes import Style
 
@@ -143,8 +143,7 @@ def render(
         wireframe=wireframe,
         transparent=transparent,
     )
-    for target_file in filter(None, (output, turntable)):
-        check_output(target_file, force=force)
+    check_outputs(output, turntable, force=force)
     for path, turning in ((output, False), (turntable, True)):
         if path is not None:
             with warnings.catch_warnings(record=True) as said:

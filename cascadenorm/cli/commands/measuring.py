@@ -179,7 +179,7 @@ def evaluate(
     """Denoise pairs of noisy.* and clean.* with several methods, or with other programs, and measure the results."""
     from cascadenorm.cli import progress_bars, tables
     from cascadenorm.evaluation import harness
-    from cascadenorm.io.atomic import check_output
+    from cascadenorm.io.atomic import check_outputs
 
     if dataset == "list":
         tables.print_public_sets()
@@ -187,8 +187,7 @@ def evaluate(
     places: list[FilePair | Path] = [*_public_pairs(dataset, copy, split), *(folders or [])]
     if not places:
         raise typer.BadParameter("give folders of pairs, or --dataset NAME --from DIR")
-    for path in filter(None, (csv, markdown, latex)):
-        check_output(path, force=force)
+    check_outputs(csv, markdown, latex, html, force=force)
     if html is not None:
         from cascadenorm.reports.evaluations import check_evaluation, report_evaluation
 
