@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.controls.weights import selected_faces
+from cascadenorm.controls.weights import selected_faces, weights_of_attribute
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
 from cascadenorm.registry.controls import Controls
@@ -96,8 +96,7 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
         return _reduce_copies(np.asarray(mask), file.welds, np.minimum)
     attributes = _attributes(file)
     if mask in attributes:
-        values = attributes[mask]
-        values = values / 255 if values.dtype == np.uint8 else values
+        values = weights_of_attribute(attributes[mask])
     elif mask.endswith(ARRAY_FILES):
         values = _read_table("mask", mask, 1)[:, 0]
     else:

@@ -28,6 +28,11 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
     return weights
 
 
+def weights_of_attribute(values: NDArray[Any]) -> NDArray[Any]:
+    """Return a vertex attribute as weights. Bytes are divided by 255 unless none is above 1, as for bool."""
+    return values / 255 if values.dtype == np.uint8 and values.max(initial=0) > 1 else values
+
+
 def fixed_vertices(fixed: Any, count: int) -> NDArray[np.bool_]:
     """Return (count,) bool for vertices fixed by indices or by (count,) bool; refuse other selections."""
     return _selected("fixed", np.asarray(fixed), count, "vertex", "vertices")

@@ -93,6 +93,8 @@ def parse_bytes(text: str | int) -> int:
 
 def format_bytes(size: int) -> str:
     """Format a number of bytes for messages."""
+    if size < 1e6:
+        return f"{size:,} bytes"
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
 
 

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
 from cascadenorm.api.api import denoise
 from cascadenorm.api.regions.regions import denoise_regions
+from cascadenorm.controls.weights import weights_of_attribute
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.polydata import vtk_array
@@ -57,9 +57,7 @@ def _with_arrays(settings: Mapping[str, Any], mesh: Any) -> dict[str, Any]:
     found = dict(settings)
     points, cells = mesh.GetPointData(), mesh.GetCellData()
     if isinstance(mask := found.get("mask"), str):
-        values = _array("mask", mask, points)
-        fractions = values.dtype == np.uint8 and values.max(initial=0) > 1  # PyVista stores bool as uint8 as well
-        found["mask"] = values / 255 if fractions else values
+        found["mask"] = weights_of_attribute(_array("mask", mask, points))
     if isinstance(fixed := found.get("fixed"), str):
         found["fixed"] = _array("fixed", fixed, points) != 0
     if isinstance(only := found.get("only"), str):

@@ -68,7 +68,7 @@ class Controls(TypedDict, total=False):
         Control(
             help="Weight of the displacement of each vertex, from 0 (fixed) to 1 (free).",
             arrays="(n,) bool or numbers",
-            words="the name of a vertex attribute of the file (uint8 from 0 to 255), or a .npy or .txt file",
+            words="the name of a vertex attribute of the file (bytes: 0 to 255, or 0 and 1), or a .npy or .txt file",
             example="quality",
             metavar="NAME|FILE",
         ),

@@ -29,7 +29,7 @@ def ball(tmp_path, monkeypatch):
     content = Content(
         BALL.vertices,
         Polygons.from_rows(BALL.faces.astype(np.int64)),
-        {"paint": PAINT, "quality": SOFT, "height": 5 * SOFT},
+        {"paint": PAINT, "quality": SOFT, "height": 5 * SOFT, "chosen": (SOFT > 0.5).astype(np.uint8)},
         {"part": PARTS},
     )
     (tmp_path / "ball.ply").write_bytes(b"".join(PlyFile.encode(content)[0]))
@@ -53,6 +53,7 @@ def test_a_mask_is_an_attribute_a_file_or_an_array(ball):
         np.testing.assert_array_equal(denoised(mask=mask), by_hand)
     np.testing.assert_allclose(denoised(mask="soft.txt"), by_hand, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(denoised(mask="paint"), expected(mask=PAINT / 255))
+    np.testing.assert_array_equal(denoised(mask="chosen"), expected(mask=SOFT > 0.5))
     path = cn.denoise("ball.ply", mask="quality", **FAST)
     np.testing.assert_array_equal(cn.read(path).mesh.vertices, by_hand)
 
