@@ -1,6 +1,6 @@
 """Format-independent content: positions, polygons, attributes, colours, labels."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -79,6 +79,19 @@ def single_numbers(arrays: Iterable[tuple[str, Sequence[Any]]], of: str) -> tupl
     found = list(arrays)
     numbers = {name: np.concatenate(blocks) for name, blocks in found if all(np.ndim(block) == 1 for block in blocks)}
     return numbers, [f"{of} data '{name}'" for name, _ in found if name not in numbers]
+
+
+def with_distinct_names(
+    values: Mapping[str, NDArray[Any]], valid: Callable[[str], str], taken: Collection[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """Return values under valid names, with underscores appended to those that are taken or occur twice."""
+    found: dict[str, NDArray[Any]] = {}
+    for name, value in values.items():
+        new = valid(name)
+        while new in found or new in taken or (new != name and new in values):
+            new += "_"
+        found[new] = value
+    return found
 
 
 class Labels(NamedTuple):

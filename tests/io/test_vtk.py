@@ -24,6 +24,7 @@ STYLES = {
     "vtk": [{"fmt_version": v, "binary": b} for v in ("4.2", "5.1") for b in (True, False)],
     "vtu": [{"binary": b} for b in (True, False)],
 }
+SINGLE = "digits of the positions beyond single precision"
 every_style = pytest.mark.parametrize(("format", "style"), [(f, s) for f in STYLES for s in STYLES[f]])
 
 
@@ -217,6 +218,23 @@ def test_polydata_is_written_with_values(tmp_path):
     np.testing.assert_array_equal(made.points, file.positions)
     assert made.cell_data["material"].tolist() == file.content().face_values["material"].tolist()
     assert made.point_data["red"].tolist() == file.content().vertex_values["red"].tolist()
+
+
+@pytest.mark.parametrize("format", ["ply", "usda"])
+def test_values_that_would_share_a_name_are_all_kept(format, tmp_path):
+    if format == "usda":
+        pytest.importorskip("pxr")
+    of_points = {"x": 5, "x_": 6, "a b": 7, "a_b": 8, "a  b": 9, "vertex_indices": 10, "part": 11}
+    point_data = {name: np.arange(len(SHEET.vertices)) + 10.0 * start for name, start in of_points.items()}
+    cell_data = {name: [np.arange(len(SHEET.faces)) + 0.5] for name in ("part", "vertex_index", "vertex_indices")}
+    meshio.Mesh(SHEET.vertices, [("triangle", SHEET.faces)], point_data, cell_data).write(tmp_path / "in.vtu")
+    assert io.write(io.read(tmp_path / "in.vtu"), tmp_path / f"out.{format}") in ([], [SINGLE])
+    found = io.read(tmp_path / f"out.{format}")
+    np.testing.assert_allclose(found.mesh.vertices, SHEET.vertices, rtol=1e-6)
+    assert np.array_equal(found.mesh.faces, SHEET.faces)
+    values = found.content()
+    assert sorted(value[0] for value in values.vertex_values.values()) == [10.0 * start for start in of_points.values()]
+    assert len(values.face_values) == 3
 
 
 def test_polydata_that_announces_more_than_it_holds_is_refused():

@@ -287,8 +287,8 @@ class PlyFile(MeshFile):
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
         """Write content as binary little-endian PLY."""
-        vertex = fields_of({**dict(zip(XYZ, content.positions.T, strict=True)), **content.vertex_values})
-        face, counts = fields_of(content.face_values), content.polygons.counts
+        vertex = fields_of(dict(zip(XYZ, content.positions.T, strict=True))) | fields_of(content.vertex_values, XYZ)
+        face, counts = fields_of(content.face_values, CORNERS), content.polygons.counts
         length = "u1" if counts.max(initial=0) < 256 else "<i4"
         lines = [
             *["ply", "format binary_little_endian 1.0", f"element vertex {len(content.positions)}"],

@@ -4,13 +4,14 @@ A text body is first converted to numbers of eight bytes, so that the same code 
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
+from cascadenorm.io.content import with_distinct_names
 from cascadenorm.io.ply.header import NAMES, PlyElement, PlyProperty
 from cascadenorm.io.text.number_format import rows_of
 from cascadenorm.io.text.text import blocks
@@ -158,13 +159,11 @@ def text_rows(element: PlyElement, values: list[NDArray[Any]]) -> list[bytes]:
     return [b" ".join(row) for row in zip(*words, strict=True)]
 
 
-def fields_of(values: Any) -> dict[str, NDArray[Any]]:
-    """Return little-endian arrays of types that PLY supports, under names without spaces."""
-    fields = {}
-    for name, value in values.items():
-        kind = value.dtype.str[1:] if value.dtype.str[1:] in NAMES else "f8"
-        fields["_".join(name.split())] = value.astype("<" + kind, copy=False)
-    return fields
+def fields_of(values: Mapping[str, NDArray[Any]], taken: Collection[str] = ()) -> dict[str, NDArray[Any]]:
+    """Return little-endian arrays of types that PLY supports, under names without spaces that are not taken."""
+    fields = with_distinct_names(values, lambda name: "_".join(name.split()) or "_", taken)
+    kinds = {name: kind if (kind := value.dtype.str[1:]) in NAMES else "f8" for name, value in fields.items()}
+    return {name: value.astype("<" + kinds[name], copy=False) for name, value in fields.items()}
 
 
 def joined_columns(columns: list[NDArray[Any]]) -> Iterator[memoryview]:

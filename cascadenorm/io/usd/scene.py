@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes, with_distinct_names
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import NamedValues, joined, placed, values_of_vertices
@@ -188,11 +188,12 @@ def stage_of(content: Content) -> tuple[Any, list[str]]:
         st = look.texture.astype(np.float32)
         api.CreatePrimvar("st", names.TexCoord2fArray, "vertex").Set(Vt.Vec2fArray.FromNumpy(st))
     others = {name: column for name, column in content.vertex_values.items() if name not in look.names}
-    types = {"f4": "FloatArray", "f8": "DoubleArray", "i8": "Int64Array"}
+    types, taken = {"f4": "FloatArray", "f8": "DoubleArray", "i8": "Int64Array"}, {"displayColor", "st"}
     for properties, kind in ((others, "vertex"), (content.face_values, "uniform")):
-        for name, column in properties.items():
+        for name, column in with_distinct_names(properties, Tf.MakeValidIdentifier, taken).items():
+            taken.add(name)
             wide = "f4" if column.dtype == np.float32 else "f8" if column.dtype.kind == "f" else "i8"
-            primvar = api.CreatePrimvar(Tf.MakeValidIdentifier(name), getattr(names, types[wide]), kind)
+            primvar = api.CreatePrimvar(name, getattr(names, types[wide]), kind)
             primvar.Set(getattr(Vt, types[wide]).FromNumpy(np.ascontiguousarray(column, wide)))
     lost = ["digits of the positions beyond single precision"] if (positions != content.positions).any() else []
     return layer, lost
