@@ -237,6 +237,15 @@ def test_values_that_would_share_a_name_are_all_kept(format, tmp_path):
     assert len(values.face_values) == 3
 
 
+def test_names_of_properties_beyond_ascii_are_kept(tmp_path):
+    meshio.Mesh(SHEET.vertices, [("triangle", SHEET.faces)], {"Höhe": SHEET.vertices[:, 2]}).write(tmp_path / "in.vtu")
+    for name in ("a.ply", "b.vtu"):
+        io.write(io.read(tmp_path / "in.vtu"), tmp_path / name)
+        assert [*io.read(tmp_path / name).content().vertex_values] == ["Höhe"]
+    older = (tmp_path / "a.ply").read_bytes().replace("Höhe".encode(), "Höhe".encode("latin-1"))
+    assert [*read(older).content().vertex_values] == ["Höhe"]
+
+
 def test_polydata_that_announces_more_than_it_holds_is_refused():
     head = b'<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="999999999" NumberOfPolys="1">'
     with pytest.raises(io.ReadError, match="the points and cells of this file need"):

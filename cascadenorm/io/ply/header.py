@@ -48,7 +48,7 @@ def parse_header(data: bytes) -> Header:
         raise ReadError("the PLY header has no line 'end_header': the file is truncated, or not a PLY file")
     byte_order, elements = None, list[PlyElement]()
     for line in re.finditer(rb"[^\r\n]+", data[first.end() : end.start()]):
-        words = [(word[0].decode("latin-1"), word.span()) for word in re.finditer(rb"\S+", line[0])]
+        words = [(_decoded(word[0]), word.span()) for word in re.finditer(rb"\S+", line[0])]
         match [word for word, _ in words]:
             case [] | ["comment" | "obj_info", *_]:
                 pass
@@ -66,7 +66,7 @@ def parse_header(data: bytes) -> Header:
                 elements[-1].properties.append(PlyProperty(name, PLY_TYPES[kind], None, (at + begin, at + stop)))
             case _:
                 number = 1 + len(re.findall(rb"\r\n|\n|\r", data[: first.end() + line.start()]))
-                text = line[0][:60].decode("latin-1")
+                text = _decoded(line[0])[:60]
                 raise ReadError(f"line {number} of the PLY header cannot be understood: {text!r}")
     if byte_order is None:
         raise ReadError("the PLY header has no line 'format ascii 1.0' or 'format binary_… 1.0'")
@@ -74,3 +74,10 @@ def parse_header(data: bytes) -> Header:
     if repeated:
         raise ReadError(f"the PLY header has more than one element {repeated[0]!r}: give each its own name")
     return Header(byte_order, elements, end.end())
+
+
+def _decoded(word: bytes) -> str:
+    try:
+        return word.decode()
+    except UnicodeDecodeError:
+        return word.decode("latin-1")

@@ -212,7 +212,7 @@ class PlyFile(MeshFile):
             else:
                 continue
             count = re.search(
-                rb"[\r\n][ \t]*element[ \t]+" + re.escape(element.name.encode("latin-1")) + rb"[ \t]+(\d+)", header
+                rb"[\r\n][ \t]*element[ \t]+" + re.escape(element.name.encode()) + rb"[ \t]+(\d+)", header
             )
             assert count is not None
             inserted.append((*count.span(1), b"%d" % (element.rows + rows)))
