@@ -129,14 +129,25 @@ def from_words(text: Text, words: Offsets) -> dict[str, NDArray[Any]]:
 
 
 def channels(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.uint8]]:
-    """Return the channels among attributes as bytes; empty without red, green and blue."""
+    """Return the channels among attributes as bytes; empty without red, green and blue.
+
+    Values are 0 … 255 in any type, unless floating-point numbers are all below 2 or integers exceed 255.
+    """
     if any(name not in values for name in CHANNELS[:3]):
         return {}
     found = {name: values[name] for name in CHANNELS if name in values}
-    return {
-        name: as_bytes(value, 1 if value.dtype.kind == "f" else np.iinfo(value.dtype).max)
-        for name, value in found.items()
+    largest = {
+        kind: _largest(kind, np.concatenate([value for value in found.values() if value.dtype == kind]))
+        for kind in {value.dtype for value in found.values()}
     }
+    return {name: as_bytes(value, largest[value.dtype]) for name, value in found.items()}
+
+
+def _largest(kind: np.dtype[Any], values: NDArray[Any]) -> int:
+    """Return the number that stands for full brightness."""
+    if kind.kind not in "iu":
+        return 255 if (values >= 2).any() else 1
+    return int(np.iinfo(kind).max) if (values > 255).any() else 255
 
 
 def as_bytes(values: NDArray[Any], largest: float = 1) -> NDArray[np.uint8]:

@@ -276,6 +276,18 @@ def test_colours_are_fractions_where_none_reaches_2():
             assert "alpha" not in values
 
 
+@pytest.mark.parametrize("kind", ["uchar", "short", "ushort", "int", "uint", "float", "double"])
+def test_colours_of_a_ply_are_bytes_in_any_type(kind):
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "".join(f"property {kind} {name}\n" for name in ("red", "green", "blue"))
+    header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    expected = [[255, 128, 2], [1, 0, 0], [0, 0, 40]]
+    rows = [" ".join(map(str, p + tuple(c))) + "\n" for p, c in zip(TETRAHEDRON[:3], expected, strict=True)]
+    file = read((header + "".join(rows) + "3 0 1 2\n").encode())
+    values = read(b"".join(FORMATS["off"].encode(file.content())[0])).content().vertex_values
+    assert np.stack([values[name] for name in ("red", "green", "blue")], axis=1).tolist() == expected
+
+
 @pytest.mark.parametrize("word", [b"nan(ind)", b"-nan(ind)", b"1.#QNAN", b"-1.#INF", b"1.#IND00"])
 def test_numbers_that_c_spells_as_none_are_vertices_that_are_not_finite(word):
     with pytest.raises(MeshError, match="1 of 4 vertices are not finite"):

@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.content import CHANNELS, Content, Look, channels
+from cascadenorm.io.content import CHANNELS, Content, Look, as_bytes, channels
 from cascadenorm.io.gltf.accessors import Accessors, NewAccessors, Primitive
 from cascadenorm.io.shown import LARGEST_ENTRY, Matrix, joined, placed
 from cascadenorm.mesh.polygons import Polygons, triangulate
@@ -121,7 +121,8 @@ def _shown(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> C
     """Return a primitive with its colours and texture coordinates."""
     values, count = dict[str, NDArray[Any]](), len(positions)
     if "COLOR_0" in shape.attributes and len(colors := accessors.values(shape.attributes["COLOR_0"])) == count:
-        values |= channels(dict(zip(CHANNELS, colors.T, strict=False)))
+        largest = 1 if colors.dtype.kind == "f" else np.iinfo(colors.dtype).max
+        values |= dict(zip(CHANNELS, as_bytes(colors, largest).T, strict=False))
     texture = accessors.fractions(shape.attributes["TEXCOORD_0"]) if "TEXCOORD_0" in shape.attributes else None
     if texture is not None and len(texture) == count:
         values |= {"s": texture[:, 0], "t": 1 - texture[:, 1]}  # glTF counts from the top
