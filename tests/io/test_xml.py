@@ -221,6 +221,25 @@ def test_collada_is_shown_where_its_nodes_put_it():
     assert (normals[:, 2] > 0).all()  # those of mirrored nodes are reversed
 
 
+def test_what_vertices_of_collada_cannot_hold_is_named_when_it_is_left_out():
+    content = read(COLLADA.replace("1 4 0 4 3 0 3</p>", "1 4 0 2 3 0 3</p>").encode(), "dae").content()
+    assert not content.vertex_values and "texture coordinates" in content.left_out  # vertex 4 has two
+    second = '<input semantic="TEXCOORD" source="#t" offset="2" set="1"/><vcount>'
+    content = read(COLLADA.replace("<vcount>", second).encode(), "dae").content()
+    assert {*content.vertex_values} == {"s", "t"} and "texture coordinates" in content.left_out
+    lines = '<lines count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1</p></lines></mesh>'
+    assert "lines" in read(COLLADA.replace("</mesh>", lines).encode(), "dae").content().left_out
+
+
+def test_colours_of_collada_keep_their_alpha():
+    colors = COLLADA.replace('semantic="TEXCOORD"', 'semantic="COLOR"').replace('stride="2">', 'stride="4">')
+    colors = colors.replace('"S" type="float"/>', '"R" type="float"/><param name="G" type="float"/>')
+    colors = colors.replace('<param name="T"', '<param name="B" type="float"/><param name="A"')
+    colors = colors.replace('"ta" count="12">0 0 1 0 2 0 0 1 1 1 2 1', '"ta" count="24">' + "1 0.2 0 0.4 " * 6)
+    values = read(colors.encode(), "dae").content().vertex_values
+    assert {name: value[0] for name, value in values.items()} == {"red": 255, "green": 51, "blue": 0, "alpha": 102}
+
+
 def test_names_and_images_of_collada_are_known(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.dae").write_text(COLLADA)

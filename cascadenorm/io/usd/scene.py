@@ -101,6 +101,8 @@ def _values(
         values = np.asarray(flat) if flat is not None and not isinstance(flat, str) else np.zeros(0)
         if values.dtype.kind not in "fiub":
             continue
+        if values.dtype in (np.bool_, np.float16):  # other formats do not have these types
+            values = values.astype(np.uint8 if values.dtype == np.bool_ else np.float32)
         if kind == "faceVarying" and len(values) == len(polygons.corners):
             per_vertex = values_of_vertices(values[places], polygons.corners, count)
             if per_vertex is None:

@@ -1,6 +1,7 @@
 """COLLADA: replace coordinates and normals, as they are before the transforms of nodes, and keep all else."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,13 @@ from cascadenorm.mesh import repeats_vertex
 from cascadenorm.mesh.polygons import Polygons, strips
 
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
+LINES = ("lines", "linestrips")
+CONVERTED = {"COLOR": CHANNELS, "TEXCOORD": TEXTURE}
+"""Names of the values of vertices by their semantic."""
+SEMANTICS = {"COLOR": "colours", "TEXCOORD": "texture coordinates", "NORMAL": "normals"}
+"""Semantics in words."""
+FURTHER = "further "
+"""Prefix of the second set of values of a semantic."""
 KEPT_ELSEWHERE = {
     "library_materials": "materials",
     "library_images": "textures",
@@ -117,7 +125,7 @@ class ColladaFile(MeshFile):
             semantic, id = attributes.get("semantic", ""), attributes.get("source", "").removeprefix("#")
             column = rows[:, _number(attributes.get("offset", "0"))]
             if semantic != "VERTEX":
-                others.setdefault(semantic, (id, column))
+                others.setdefault(semantic if semantic not in others else FURTHER + semantic, (id, column))
                 continue
             vertices = self._by_id.get(id)
             for shared in vertices.all("input") if vertices is not None else ():
@@ -199,12 +207,16 @@ class ColladaFile(MeshFile):
         places = places or [(id, np.eye(4)) for id in of_geometry]  # a library of geometries
         shown = [placed(self._shape(parts), matrix) for id, matrix in places for parts in of_geometry[id].values()]
         left_out = [what for library, what in KEPT_ELSEWHERE.items() if self._root.first(library) is not None]
-        left_out += ["normals"] if any("NORMAL" in part.others for part in self._parts) else []
+        left_out += ["lines"] if any(element.name in LINES for element in self._root.within()) else []
+        whole = joined(shown)
+        kept = [semantic for semantic, names in CONVERTED.items() if names[0] in whole.vertex_values]
+        lost = dict.fromkeys(semantic for part in self._parts for semantic in part.others if semantic not in kept)
+        left_out += dict.fromkeys(SEMANTICS.get(semantic.removeprefix(FURTHER), semantic) for semantic in lost)
         left_out += ["the unit"] if self._root.first("asset", "unit") is not None else []
         left_out += ["the up axis"] if self._root.first("asset", "up_axis") is not None else []
         if set(of_geometry) - {id for id, _ in places}:
             left_out.append("meshes that the scene does not show")
-        return joined(shown, left_out)
+        return replace(whole, left_out=tuple(left_out))
 
     def _shape(self, parts: list[Part]) -> Content:
         """Return parts with the same positions as one mesh."""
@@ -214,23 +226,27 @@ class ColladaFile(MeshFile):
             np.concatenate([part.polygons.corners for part in parts]),
         )
         values = dict[str, NDArray[Any]]()
-        for semantic, width, names in (("COLOR", 3, CHANNELS), ("TEXCOORD", 2, TEXTURE)):
-            columns = [self._at_corners(part, semantic, width) for part in parts]
+        for semantic, names in CONVERTED.items():
+            columns = [self._at_corners(part, semantic, names) for part in parts]
             stored = [column for column in columns if column is not None]
             if len(stored) < len(parts):
                 continue
-            found = values_of_vertices(np.concatenate(stored), polygons.corners, count)
+            width = min(column.shape[1] for column in stored)
+            found = values_of_vertices(np.concatenate([c[:, :width] for c in stored]), polygons.corners, count)
             if found is not None:
                 values |= dict(zip(names, (as_bytes(found) if semantic == "COLOR" else found).T, strict=False))
         return Content(self.positions[first : first + count], polygons, values)
 
-    def _at_corners(self, part: Part, semantic: str, width: int) -> NDArray[np.float64] | None:
-        """Return the first `width` values of a semantic at the corners of a part, or None if a corner has none."""
+    def _at_corners(self, part: Part, semantic: str, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+        """Return the values of a semantic with these names at the corners of a part, or None if a corner has none.
+
+        The last of four values, alpha, may be missing.
+        """
         id, rows = part.others.get(semantic, ("", np.zeros(0, np.int64)))
         values = self._array(id).values if id in self._by_id else np.zeros((0, 0))
-        if values.shape[1] < width or (rows < 0).any() or (rows >= len(values)).any():
+        if values.shape[1] < min(len(names), 3) or (rows < 0).any() or (rows >= len(values)).any():
             return None
-        return values[rows, :width]
+        return values[rows, : len(names)]
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
