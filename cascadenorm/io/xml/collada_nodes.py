@@ -28,12 +28,12 @@ def instances(root: Element, by_id: dict[str, Element]) -> tuple[Placed, Callabl
             return [] if found is None else [(found, np.eye(4))]
         if element.name != "node":
             return []
-        matrix = _matrix(element)
         shown = [
             child if child.name == "node" else target(child)
             for child in element.children
             if child.name in ("node", *INSTANCES)
         ]
+        matrix = _matrix(element) if shown else np.eye(4)  # those of cameras and lights do not matter
         return [(found, matrix) for found in shown if found is not None]
 
     scene = root.first("scene", "instance_visual_scene")
