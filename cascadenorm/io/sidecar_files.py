@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
+from urllib.parse import unquote, urlsplit
 
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import MeshFile, Piece
@@ -17,6 +18,19 @@ def is_within(name: str) -> bool:
         if depth < 0:
             return False
     return depth > 0 and not path.anchor and "\0" not in name
+
+
+def relative_name(uri: str | None) -> str | None:
+    """Return the file name of a URI relative to the document, or None if it does not denote such a file."""
+    if uri is None:
+        return None
+    try:
+        parts = urlsplit(uri)
+    except ValueError:
+        return None
+    name = unquote(parts.path, errors="surrogateescape")
+    absolute = parts.scheme or parts.netloc or name.startswith(("/", "\\")) or not name
+    return None if absolute else name
 
 
 def file_beside(folder: Path | None, name: str) -> Path | None:

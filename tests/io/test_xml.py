@@ -251,6 +251,20 @@ def test_names_and_images_of_collada_are_known(tmp_path, monkeypatch):
     assert run(["denoise", "a.dae", "-o", "out/b.dae", "--method", "laplacian", "--only", "mesh=wall"]) == 2
 
 
+@pytest.mark.parametrize("uri", ["old%20paint%20&amp;%20rust.png", "./old paint &#38; rust.png"])
+def test_images_of_collada_are_named_by_escaped_uris(uri, tmp_path):
+    (tmp_path / "a.dae").write_text(COLLADA.replace("./paint.png", uri))
+    (tmp_path / "old paint & rust.png").write_bytes(b"picture")
+    (tmp_path / "out").mkdir()
+    assert io.write(io.read(tmp_path / "a.dae"), tmp_path / "out" / "a.dae") == []
+    assert (tmp_path / "out" / "old paint & rust.png").read_bytes() == b"picture"
+
+
+def test_cameras_of_collada_may_stand_anywhere():
+    camera = '<node><lookat>0 0 1 0 0 0 0 1 0</lookat><instance_camera url="#c"/></node></visual_scene>'
+    assert len(read(COLLADA.replace("</visual_scene>", camera).encode(), "dae").content().positions) == 30
+
+
 @pytest.mark.parametrize(("kind", "source"), [("tristrips", "0 1 3 4"), ("trifans", "0 1 4 3")])
 def test_strips_and_fans_are_triangles(kind, source):
     vertices = '<input semantic="VERTEX" source="#v" offset="0"/>'

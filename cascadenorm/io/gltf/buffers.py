@@ -4,14 +4,13 @@ import base64
 import binascii
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.base import Piece
-from cascadenorm.io.sidecar_files import file_beside, is_within
+from cascadenorm.io.sidecar_files import file_beside, is_within, relative_name
 from cascadenorm.io.text.text import blocks
 
 EMBEDDED = "data:application/octet-stream;base64,"
@@ -84,19 +83,6 @@ class Buffers:
             return path.read_bytes()
         except OSError as error:
             raise ReadError(f"{name!r}, which holds the vertices, cannot be read: {error.strerror or error}") from None
-
-
-def relative_name(uri: str | None) -> str | None:
-    """Return the file name of a URI relative to the document, or None if it does not denote such a file."""
-    if uri is None:
-        return None
-    try:
-        parts = urlsplit(uri)
-    except ValueError:
-        return None
-    name = unquote(parts.path, errors="surrogateescape")
-    absolute = parts.scheme or parts.netloc or name.startswith(("/", "\\")) or not name
-    return None if absolute else name
 
 
 def _differ(one: memoryview, other: memoryview) -> bool:

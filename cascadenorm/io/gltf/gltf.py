@@ -17,11 +17,12 @@ from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
-from cascadenorm.io.gltf.buffers import Buffers, embedded, entry, relative_name, with_keys
+from cascadenorm.io.gltf.buffers import Buffers, embedded, entry, with_keys
 from cascadenorm.io.gltf.document import check_lists, document_content, document_of, json_bytes, parsed
 from cascadenorm.io.gltf.patching import PatchedDocument
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
+from cascadenorm.io.sidecar_files import relative_name
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from html import unescape
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Labels, Look, as_bytes
 from cascadenorm.io.limits import check_expansion
 from cascadenorm.io.shown import joined, placed, placements, values_of_vertices
+from cascadenorm.io.sidecar_files import relative_name
 from cascadenorm.io.text.number_format import lines_of, replace_words
 from cascadenorm.io.text.text import Edit, Text, as_short, edited
 from cascadenorm.io.xml.collada_nodes import instances
@@ -174,12 +176,12 @@ class ColladaFile(MeshFile):
     def refers_to(self) -> dict[str, bool]:
         """Return the names of images, which are not changed."""
         images = [element for image in self._root.all("library_images", "image") for element in image.within()]
-        names = [
-            self.data[slice(*image.span)].decode("utf-8", "surrogateescape").strip()
+        uris = [
+            unescape(self.data[slice(*image.span)].decode("utf-8", "surrogateescape")).strip()
             for image in images
             if image.name in ("init_from", "ref") and not image.children
         ]
-        return {name.removeprefix("./"): False for name in names if name and ":" not in name}
+        return {name.removeprefix("./"): False for uri in uris if (name := relative_name(uri)) is not None}
 
     def face_labels(self) -> list[Labels]:
         """Return the symbols of materials and the names of geometries."""
