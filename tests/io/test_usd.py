@@ -196,6 +196,21 @@ def test_conversion_keeps_values(format, tmp_path):
             assert np.array_equal(found[name], expected[name])
 
 
+def with_primvars(text: str) -> bytes:
+    """Return the scene with another primvar of the roof."""
+    return SCENE.replace("        rel material:binding", f"        {text}\n        rel material:binding").encode()
+
+
+@pytest.mark.parametrize("format", ["vtp", "vtu", "ply", "usda"])
+def test_truth_values_and_half_precision_can_be_converted(format, tmp_path):
+    pytest.importorskip({"vtp": "vtkmodules", "vtu": "meshio"}.get(format, "numpy"))
+    flags = 'bool[] primvars:flag = [1, 0, 0, 1, 0, 1] (interpolation = "vertex")'
+    halves = 'half[] primvars:heat = [0.5, 1, 2, 3, 4, 5] (interpolation = "vertex")'
+    io.write(read(with_primvars(flags + "\n" + halves), "usda"), tmp_path / f"a.{format}")
+    found = cn.read(tmp_path / f"a.{format}").content().vertex_values
+    assert found["flag"].tolist() == [1, 0, 0, 1, 0, 1] * 2 and found["heat"].tolist() == [0.5, 1, 2, 3, 4, 5] * 2
+
+
 def test_names_of_meshes_are_labels(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.usda").write_text(SCENE)
