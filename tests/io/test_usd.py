@@ -64,6 +64,7 @@ def Xform "root" (
 }
 """
 
+AGAIN = "double3 xformOp:translate = (0, 5, 0)"
 TURN = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)])  # z becomes -y
 
 
@@ -199,6 +200,21 @@ def test_conversion_keeps_values(format, tmp_path):
 def with_primvars(text: str) -> bytes:
     """Return the scene with another primvar of the roof."""
     return SCENE.replace("        rel material:binding", f"        {text}\n        rel material:binding").encode()
+
+
+@pytest.mark.parametrize("hides", ['token visibility = "invisible"', 'uniform token purpose = "guide"'])
+def test_meshes_that_the_scene_does_not_show_are_left_out(hides):
+    for at, count in ((AGAIN, 6), ("double3 xformOp:translate = (10, 0, 0)", 12)):  # one, or all
+        content = read(SCENE.replace(at, f"{at}\n{hides}").encode(), "usda").content()
+        assert len(content.positions) == count
+        assert ("meshes that the scene does not show" in content.left_out) == (count == 6)
+
+
+def test_proxies_are_shown_without_what_they_stand_for():
+    proxy = SCENE.replace(AGAIN, AGAIN + '\nuniform token purpose = "proxy"')
+    assert len(read(proxy.encode(), "usda").content().positions) == 12
+    both = proxy.replace("float3[] extent", 'uniform token purpose = "render"\nfloat3[] extent')
+    assert len(read(both.encode(), "usda").content().positions) == 6
 
 
 @pytest.mark.parametrize("format", ["vtp", "vtu", "ply", "usda"])

@@ -58,7 +58,8 @@ def _content(stage: Any, size: int) -> Content:
 
     cache = UsdGeom.XformCache()
     everything = list(stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
-    prims = [prim for prim in everything if prim.IsA(UsdGeom.Mesh)]
+    meshes = [prim for prim in everything if prim.IsA(UsdGeom.Mesh)]
+    prims = _visible(meshes) or meshes  # all if the scene shows none
     shown: list[Content] = []
     taken = 0
     for prim in prims:
@@ -68,8 +69,23 @@ def _content(stage: Any, size: int) -> Content:
         shown.append(mesh)
     kinds = {str(prim.GetTypeName()) for prim in everything}
     left_out = [what for kind, what in KEPT_ELSEWHERE.items() if kind in kinds]
+    left_out += ["meshes that the scene does not show"] if len(prims) < len(meshes) else []
     left_out += [what for name, what in METADATA.items() if stage.HasAuthoredMetadata(name)]
     return joined(shown, left_out)
+
+
+def _visible(meshes: list[Any]) -> list[Any]:
+    """Return the meshes that a rendered picture shows: visible ones, but no guides, and no proxies of others."""
+    from pxr import Usd, UsdGeom
+
+    time = Usd.TimeCode.EarliestTime()
+    purposes = [UsdGeom.Imageable(prim).ComputePurpose() for prim in meshes]
+    hidden = {"guide", "proxy"} if "render" in purposes else {"guide"}
+    return [
+        prim
+        for prim, purpose in zip(meshes, purposes, strict=True)
+        if purpose not in hidden and UsdGeom.Imageable(prim).ComputeVisibility(time) != "invisible"
+    ]
 
 
 def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Content:
