@@ -83,6 +83,11 @@ def archive(files: dict[str, bytes]) -> bytes:
     return made.getvalue()
 
 
+def with_attributes(text: str) -> bytes:
+    """Return the scene with further attributes of the roof."""
+    return SCENE.replace("        rel material:binding", f"        {text}\n        rel material:binding").encode()
+
+
 def layer(data: bytes, tmp_path):
     """Return a layer as OpenUSD reads it; what it holds expires with it."""
     from pxr import Sdf
@@ -197,17 +202,17 @@ def test_conversion_keeps_values(format, tmp_path):
             assert np.array_equal(found[name], expected[name])
 
 
-def with_primvars(text: str) -> bytes:
-    """Return the scene with another primvar of the roof."""
-    return SCENE.replace("        rel material:binding", f"        {text}\n        rel material:binding").encode()
-
-
 @pytest.mark.parametrize("hides", ['token visibility = "invisible"', 'uniform token purpose = "guide"'])
 def test_meshes_that_the_scene_does_not_show_are_left_out(hides):
     for at, count in ((AGAIN, 6), ("double3 xformOp:translate = (10, 0, 0)", 12)):  # one, or all
         content = read(SCENE.replace(at, f"{at}\n{hides}").encode(), "usda").content()
         assert len(content.positions) == count
         assert ("meshes that the scene does not show" in content.left_out) == (count == 6)
+
+
+def test_faces_that_are_holes_are_left_out_of_conversions():
+    file = read(with_attributes("int[] holeIndices = [0]"), "usda")
+    assert len(file.polygons) == 2 and file.content().polygons.corners.tolist() == [1, 2, 5, 4, 7, 8, 11, 10]
 
 
 def test_proxies_are_shown_without_what_they_stand_for():
@@ -222,7 +227,7 @@ def test_truth_values_and_half_precision_can_be_converted(format, tmp_path):
     pytest.importorskip({"vtp": "vtkmodules", "vtu": "meshio"}.get(format, "numpy"))
     flags = 'bool[] primvars:flag = [1, 0, 0, 1, 0, 1] (interpolation = "vertex")'
     halves = 'half[] primvars:heat = [0.5, 1, 2, 3, 4, 5] (interpolation = "vertex")'
-    io.write(read(with_primvars(flags + "\n" + halves), "usda"), tmp_path / f"a.{format}")
+    io.write(read(with_attributes(flags + "\n" + halves), "usda"), tmp_path / f"a.{format}")
     found = cn.read(tmp_path / f"a.{format}").content().vertex_values
     assert found["flag"].tolist() == [1, 0, 0, 1, 0, 1] * 2 and found["heat"].tolist() == [0.5, 1, 2, 3, 4, 5] * 2
 

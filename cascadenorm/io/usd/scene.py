@@ -101,7 +101,11 @@ def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Content:
     reverses = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     polygons, places = oriented_polygons(counts, corners, reverses, path)
     vertex_values, face_values = _values(mesh, time, len(points), polygons, places)
-    return placed(Content(points, polygons, vertex_values, face_values), matrix.T)
+    content = Content(points, polygons, vertex_values, face_values)
+    holes = mesh.GetHoleIndicesAttr().Get(time)
+    if holes:
+        content = content.with_polygons(~np.isin(np.arange(len(polygons)), np.asarray(holes)))
+    return placed(content, matrix.T)
 
 
 def _values(
