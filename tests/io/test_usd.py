@@ -182,7 +182,7 @@ def test_other_formats_get_the_scene_as_it_is_shown(tmp_path):
     content = file.content()
     np.testing.assert_allclose(content.positions[:6], file.positions + np.array((10, 0, 0)))
     np.testing.assert_allclose(content.positions[6:], file.positions + np.array((10, 5, 0)))
-    assert content.left_out == ("materials", "the up axis", "the unit")
+    assert content.left_out == ("materials", "the up axis", "the unit", "normals", "the primvar 'st'")
     assert set(content.vertex_values) == set()  # vertex 1 has two texture coordinates
     one_each = SCENE.replace("(0, 0), (1, 0), (1, 1), (0, 1)]", "(1, 0), (2, 0), (2, 1), (1, 1)]")
     found = read(one_each.encode(), "usda").content().vertex_values
@@ -208,6 +208,21 @@ def test_meshes_that_the_scene_does_not_show_are_left_out(hides):
         content = read(SCENE.replace(at, f"{at}\n{hides}").encode(), "usda").content()
         assert len(content.positions) == count
         assert ("meshes that the scene does not show" in content.left_out) == (count == 6)
+
+
+def test_values_that_a_conversion_cannot_hold_are_named():
+    speed = 'float3[] primvars:speed = [(0, 0, 1)] (interpolation = "constant")'
+    left_out = read(with_attributes(speed), "usda").content().left_out
+    assert left_out[-3:] == ("normals", "the primvar 'speed'", "the primvar 'st'")  # vertex 1 has two of st
+
+
+def test_one_colour_of_a_mesh_is_that_of_its_vertices():
+    content = read(with_attributes("color3f[] primvars:displayColor = [(1, 0, 0.2)]"), "usda").content()
+    assert {name: {*value.tolist()} for name, value in content.vertex_values.items()} == {
+        "red": {255},
+        "green": {0},
+        "blue": {51},
+    }
 
 
 def test_faces_that_are_holes_are_left_out_of_conversions():

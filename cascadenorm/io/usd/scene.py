@@ -71,7 +71,19 @@ def _content(stage: Any, size: int) -> Content:
     left_out = [what for kind, what in KEPT_ELSEWHERE.items() if kind in kinds]
     left_out += ["meshes that the scene does not show"] if len(prims) < len(meshes) else []
     left_out += [what for name, what in METADATA.items() if stage.HasAuthoredMetadata(name)]
-    return joined(shown, left_out)
+    whole = joined(shown)
+    return replace(whole, left_out=(*left_out, *_lost_values(prims, {*whole.vertex_values, *whole.face_values})))
+
+
+def _lost_values(prims: list[Any], kept: set[str]) -> list[str]:
+    """Return the normals and primvars of meshes that are not among the kept values, in words."""
+    from pxr import UsdGeom
+
+    names = {p.GetPrimvarName() for prim in prims for p in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues()}
+    normals = "normals" in names or any(UsdGeom.Mesh(prim).GetNormalsAttr().HasAuthoredValue() for prim in prims)
+    stored = {"displayColor": CHANNELS[0], "st": TEXTURE[0]}
+    lost = sorted(name for name in names - {"normals"} if stored.get(name, name) not in kept)
+    return (["normals"] if normals else []) + [f"the primvar {name!r}" for name in lost]
 
 
 def _visible(meshes: list[Any]) -> list[Any]:
@@ -123,6 +135,8 @@ def _values(
             continue
         if values.dtype in (np.bool_, np.float16):  # other formats do not have these types
             values = values.astype(np.uint8 if values.dtype == np.bool_ else np.float32)
+        if kind == "constant" and name == "displayColor" and len(values) == 1:
+            kind, values = "vertex", values.repeat(count, axis=0)
         if kind == "faceVarying" and len(values) == len(polygons.corners):
             per_vertex = values_of_vertices(values[places], polygons.corners, count)
             if per_vertex is None:
