@@ -77,7 +77,11 @@ class Content:
 def single_numbers(arrays: Iterable[tuple[str, Sequence[Any]]], of: str) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Join the blocks of arrays with one number per row; return the other arrays in words, as data `of` something."""
     found = list(arrays)
-    numbers = {name: np.concatenate(blocks) for name, blocks in found if all(np.ndim(block) == 1 for block in blocks)}
+    numbers = {
+        name: np.concatenate([np.ravel(block) for block in blocks])
+        for name, blocks in found
+        if all(np.size(block) == len(block) for block in blocks)
+    }
     return numbers, [f"{of} data '{name}'" for name, _ in found if name not in numbers]
 
 

@@ -123,6 +123,16 @@ def test_damaged_grids_are_refused(format, content, words):
         read(content, format)
 
 
+def test_scalars_of_a_legacy_grid_are_numbers():
+    head = b"# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n"
+    cells = b"CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5\n"
+    values = b"%s\nSCALARS %s float\nLOOKUP_TABLE default\n"
+    data = head + cells + values % (b"POINT_DATA 3", b"heat") + b"1 2 3\n" + values % (b"CELL_DATA 1", b"part") + b"7\n"
+    content = read(data).content()
+    assert content.vertex_values["heat"].tolist() == [1, 2, 3] and content.face_values["part"].tolist() == [7]
+    assert not content.left_out
+
+
 def test_volumes_are_refused(tmp_path):
     meshio.Mesh(np.eye(4)[:, :3], [("tetra", np.array([(0, 1, 2, 3)]))]).write(tmp_path / "a.vtu")
     with pytest.raises(io.ReadError, match="cells of type tetra: extract the surface"):
