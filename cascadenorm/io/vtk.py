@@ -27,6 +27,33 @@ SKIPPED = re.compile(r"cannot handle|skipping|couldn't be processed", re.I)
 """Warnings of meshio about content that it does not read."""
 GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 
+NORMALS_LINE = re.compile(rb"^NORMALS(?=[ \t]+\S+[ \t]+\w+[ \t]*\r?$)", re.M | re.I)
+TEXTURE_LINE = re.compile(rb"^TEXTURE_COORDINATES[ \t]+(\S+)[ \t]+(\d+)[ \t]+(\w+)[ \t]*\r?$", re.M | re.I)
+COLORS_LINE = re.compile(rb"^COLOR_SCALARS[ \t]+(\S+)[ \t]+(\d+)[ \t]*\r?$", re.M | re.I)
+TYPED_LINE = re.compile(
+    rb"^((?:(?:SCALARS|VECTORS|TENSORS)[ \t]+\S+|POINTS[ \t]+\d+|\S+[ \t]+\d+[ \t]+\d+)[ \t]+)([a-z]\w*)"
+    rb"((?:[ \t]+\d)?[ \t]*\r?)$",
+    re.M | re.I,
+)
+"""Lines of legacy VTK files with the type of an array: before it, the type, and after it."""
+SIZES = {
+    b"signed_char": b"int8",
+    b"char": b"int8",
+    b"unsigned_char": b"uint8",
+    b"short": b"int16",
+    b"unsigned_short": b"uint16",
+    b"vtkidtype": b"int32",  # in files, whatever it is in memory
+    b"int": b"int32",
+    b"unsigned_int": b"uint32",
+    b"long": b"int64",
+    b"unsigned_long": b"uint64",
+}
+"""Integers by the names of their types in legacy VTK files."""
+TO_MESHIO = {name: b"vtktype" + kind for name, kind in SIZES.items()}
+"""Names of types that meshio uses in version 5.1, by those of VTK."""
+FROM_MESHIO = {b"vtktype" + kind: name for name, kind in SIZES.items()}
+"""Names of types that meshio uses before version 5.1, by the others."""
+
 
 class MeshioFile(MeshFile):
     """A grid whose cells are polygons. Positions are float32 or float64."""
@@ -63,7 +90,7 @@ class MeshioFile(MeshFile):
 
         with tempfile.TemporaryDirectory() as folder, redirect_stderr(StringIO()) as said:
             path = Path(folder) / f"grid.{self.format}"
-            path.write_bytes(self.data)
+            path.write_bytes(self._understood())
             grid = getattr(meshio, self.module).read(path)
         warnings = [text.strip(" .") for text in " ".join(said.getvalue().split()).split("Warning: ")[1:]]
         for warning in dict.fromkeys(warnings):
@@ -72,6 +99,10 @@ class MeshioFile(MeshFile):
             if SKIPPED.search(warning):
                 self.moving_loses = (*self.moving_loses, f"what meshio skipped ({warning})")
         return grid
+
+    def _understood(self) -> bytes:
+        """Return the file with the same content in words that meshio knows."""
+        return self.data
 
     def _moved_pieces(self) -> Iterable[Piece]:
         grid = copy.deepcopy(self._grid)
@@ -114,16 +145,29 @@ class MeshioFile(MeshFile):
 
 
 class VtkFile(MeshioFile):
-    """A legacy VTK file with an unstructured grid."""
+    """A legacy VTK file with an unstructured grid. It is written in version 4.2.
+
+    VTK and meshio read each other's integers only in this version.
+    """
 
     format = module = "vtk"
+    made_with: ClassVar[dict[str, Any]] = {"fmt_version": "4.2"}
 
     def _options(self) -> dict[str, Any]:
-        """Return the version and the encoding of the file that was read."""
-        lines = self.data[:1000].splitlines()
-        version = re.search(rb"Version (\d+)", lines[0])
-        old = version is not None and int(version[1]) < 5
-        return {"fmt_version": "4.2" if old else "5.1", "binary": lines[2].strip().upper() == b"BINARY"}
+        """Return the version to write and the encoding of the file that was read."""
+        return {**self.made_with, "binary": b"BINARY" in b"".join(self.data[:1000].splitlines()[2:3]).upper()}
+
+    def _understood(self) -> bytes:
+        """Return the file with the names of types, and of data like vectors and scalars, that meshio knows.
+
+        In version 5.1, it knows few types and takes int for 64 bits.
+        """
+        data, color = self.data, b"unsigned_char" if self._options()["binary"] else b"float"
+        data = NORMALS_LINE.sub(b"VECTORS", data)
+        data = TEXTURE_LINE.sub(rb"SCALARS \1 \3 \2\nLOOKUP_TABLE default", data)
+        data = COLORS_LINE.sub(rb"SCALARS \1 " + color + rb" \2\nLOOKUP_TABLE default", data)
+        data = _with_types(data, TO_MESHIO)
+        return data if data[:100].splitlines()[0].rstrip().endswith(b"5.1") else _with_types(data, FROM_MESHIO)
 
 
 class VtuFile(MeshioFile):
@@ -171,6 +215,11 @@ def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> by
         with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"), redirect_stderr(StringIO()):
             getattr(meshio, module).write(path, grid, **options)
         return path.read_bytes()
+
+
+def _with_types(data: bytes, names: dict[bytes, bytes]) -> bytes:
+    """Return a legacy VTK file with other names of types."""
+    return TYPED_LINE.sub(lambda line: line[1] + names.get(line[2].lower(), line[2]) + line[3], data)
 
 
 def move_grid(
