@@ -85,9 +85,13 @@ class StlFile(MeshFile):
         """Write content as binary STL."""
         triangles, owners = triangulate(content.positions, content.polygons)
         single = content.single_positions()
-        attribute = content.face_values.get("attribute", np.zeros(len(content.polygons), np.uint16))
+        values = content.face_values.get("attribute", np.zeros(len(content.polygons), np.uint16))
+        with np.errstate(invalid="ignore"):
+            attribute = values.astype(np.uint16)
+        fits = np.array_equal(attribute, values)
+        attribute = attribute if fits else np.zeros_like(attribute)
         header = bytes(80) + len(triangles).to_bytes(4, "little")
-        lost = content.lost_as_triangles(of_faces=["attribute"])
+        lost = content.lost_as_triangles(of_faces=["attribute"] if fits else [])
         lost.append("the order of the vertices")
         largest = largest_coordinate(content.positions)
 

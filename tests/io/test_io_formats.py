@@ -239,6 +239,17 @@ def test_what_obj_vertices_say_beyond_colours_is_named_when_it_is_left_out():
         assert any("further numbers of vertices" in what for what in left_out) == named
 
 
+@pytest.mark.parametrize("values", [[0, 1, 65535], [0, 1, 65536], [0, -1, 2], [0, 0.5, np.nan]])
+def test_attributes_of_stl_are_named_when_they_do_not_fit(values):
+    polygons = Polygons.from_rows(np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1)]))
+    content = Content(np.array(TETRAHEDRON, np.float32), polygons, face_values={"attribute": np.array(values)})
+    pieces, lost = FORMATS["stl"].encode(content)
+    fits = values[2] == 65535
+    assert ("face property 'attribute'" in lost) == (not fits)
+    found = read(b"".join(pieces)).content().face_values
+    assert found.get("attribute", np.zeros(0)).tolist() == (values if fits else [])
+
+
 @pytest.mark.parametrize("start", [b"OFF ", b"ply\n", b"glTF", b'{"asset"', b"# vtk DataFile", b"###", b"solid "])
 def test_a_binary_stl_may_begin_as_any_other_file(start):
     data = stl_binary()
