@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from cascadenorm.controls.weights import selected_faces, weights_of_attribute
+from cascadenorm.controls.weights import fixed_vertices, mask_weights, selected_faces, weights_of_attribute
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
 from cascadenorm.registry.controls import Controls
@@ -47,22 +47,18 @@ def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
 def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     """Return controls over split vertices as controls over the welded ones, given by their indices `welds`, (k,).
 
-    The smallest weight of the copies applies, and a vertex is fixed if one of its copies is.
+    The smallest weight of the copies applies, and a vertex is fixed if one of its copies is. Raises ParameterError for
+    a mask or fixed vertices that do not fit the split vertices.
     """
-
-    def renumbered(indices: ArrayLike) -> NDArray[Any]:
-        given = np.asarray(indices)
-        within = given.dtype.kind in "iu" and ((given >= 0) & (given < len(welds))).all()
-        return welds[given] if within else given  # invalid indices are rejected where the controls are applied
-
     found = controls.copy()
     if controls["mask"] is not None:
-        found["mask"] = _reduce_copies(np.asarray(controls["mask"]), welds, np.minimum)
+        found["mask"] = _reduce_copies(mask_weights(controls["mask"], len(welds)), welds, np.minimum)
     if controls["fixed"] is not None:
-        fixed = np.asarray(controls["fixed"])
-        found["fixed"] = _reduce_copies(fixed, welds, np.maximum) if fixed.dtype == bool else renumbered(fixed)
-    if np.ndim(creases := np.asarray(controls["creases"])) == 2:
-        found["creases"] = renumbered(creases)
+        found["fixed"] = _reduce_copies(fixed_vertices(controls["fixed"], len(welds)), welds, np.maximum)
+    creases = np.asarray(controls["creases"])
+    if creases.ndim == 2 and creases.dtype.kind in "iu":
+        within = (creases >= 0) & (creases < len(welds))  # other indices are rejected where the controls are applied
+        found["creases"] = np.where(within, welds[np.where(within, creases, 0).astype(np.int64)], creases)
     return found
 
 

@@ -20,7 +20,7 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
     weights = np.zeros(count)
     weights[mesh.faces] = 1.0
     if controls["mask"] is not None:
-        weights *= _mask(np.asarray(controls["mask"]), count)
+        weights *= mask_weights(controls["mask"], count)
     if controls["fixed"] is not None:
         weights[fixed_vertices(controls["fixed"], count)] = 0.0
     if controls["only"] is not None:
@@ -33,17 +33,9 @@ def weights_of_attribute(values: NDArray[Any]) -> NDArray[Any]:
     return values / 255 if values.dtype == np.uint8 and values.max(initial=0) > 1 else values
 
 
-def fixed_vertices(fixed: Any, count: int) -> NDArray[np.bool_]:
-    """Return (count,) bool for vertices fixed by indices or by (count,) bool; refuse other selections."""
-    return _selected("fixed", np.asarray(fixed), count, "vertex", "vertices")
-
-
-def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
-    """Return (count,) bool for faces selected by indices or by (count,) bool; refuse other selections."""
-    return _selected("only", np.asarray(only), count, "face", "faces")
-
-
-def _mask(mask: NDArray[Any], count: int) -> NDArray[Any]:
+def mask_weights(given: Any, count: int) -> NDArray[Any]:
+    """Return (count,) weights from 0 to 1 at vertices; refuse other masks."""
+    mask = np.asarray(given)
     if mask.shape != (count,) or mask.dtype.kind not in "biuf":
         raise ParameterError(
             f"has shape {mask.shape} and type {mask.dtype}; it must be ({count},) bool or numbers from 0 to 1",
@@ -57,6 +49,16 @@ def _mask(mask: NDArray[Any], count: int) -> NDArray[Any]:
             hint="scale them",
         )
     return mask
+
+
+def fixed_vertices(fixed: Any, count: int) -> NDArray[np.bool_]:
+    """Return (count,) bool for vertices fixed by indices or by (count,) bool; refuse other selections."""
+    return _selected("fixed", np.asarray(fixed), count, "vertex", "vertices")
+
+
+def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return (count,) bool for faces selected by indices or by (count,) bool; refuse other selections."""
+    return _selected("only", np.asarray(only), count, "face", "faces")
 
 
 def _selected(name: str, given: NDArray[Any], count: int, one: str, several: str) -> NDArray[np.bool_]:

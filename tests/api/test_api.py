@@ -260,8 +260,14 @@ def test_seams_of_trimesh_stay_closed():
         out = cn.denoise(split, **METHOD, **{name: one}).vertices
         expected = cn.denoise(BALL, **METHOD, **{name: several}).vertices
         np.testing.assert_array_equal(out, expected[source])
-    with pytest.raises(cn.ParameterError, match="references vertex 1000"):
-        cn.denoise(split, **METHOD, fixed=[1000])
+    for name, wrong, message in (
+        ("fixed", [len(source) - 1, 1000], f"references vertex 1000; there are {len(source)} vertices"),
+        ("fixed", np.zeros(162, bool), rf"must be \({len(source)},\) bool"),
+        ("mask", np.ones(162), rf"must be \({len(source)},\) bool"),
+        ("creases", [number[BALL.faces[beyond][0, :2]], [0, 1000]], "has 1 of 2 pairs that are not edges"),
+    ):
+        with pytest.raises(cn.ParameterError, match=message):
+            cn.denoise(split, **METHOD, **{name: wrong})
 
 
 def test_pyvista_comes_back_with_its_arrays():

@@ -134,6 +134,15 @@ def test_vertices_that_a_region_does_not_have_are_refused(halves, tmp_path, fixe
         cn.denoise_region_files(names, method="laplacian", fixed=fixed)
 
 
+def test_a_mask_that_fits_no_region_but_all_together_is_refused(halves, tmp_path):
+    names = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    vertices = np.append(halves[1].vertices, [(0, 0, 0), (0, 0, 0)], axis=0)  # with two that no face references
+    for name, mesh in zip(names, (Mesh(vertices, halves[1].faces), halves[1]), strict=True):
+        save_mesh(name, mesh)
+    with pytest.raises(cn.ParameterError, match=r"mask has shape"):
+        cn.denoise_region_files(names, method="laplacian", mask=np.ones(len(vertices) - 1))
+
+
 def test_coincident_vertices_of_one_mesh_stay_two():
     twice = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, -1, 0)], [(0, 1, 2), (3, 4, 1)])
     far = Mesh([(5, 0, 0), (6, 0, 0), (5, 1, 0)], [(0, 1, 2)])

@@ -15,7 +15,7 @@ from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.weights import fixed_vertices
+from cascadenorm.controls.weights import fixed_vertices, mask_weights
 from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.mesh import Ints, Mesh, connected_components, first_of_each, limit_threads
@@ -191,7 +191,7 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     """Return the controls of all regions as controls of the concatenated mesh."""
     one = regions[0].controls.copy()
     if one["mask"] is not None:
-        one["mask"] = np.concatenate([np.asarray(region.controls["mask"]) for region in regions])
+        one["mask"] = np.concatenate([mask_weights(r.controls["mask"], len(r.mesh.vertices)) for r in regions])
     if one["fixed"] is not None:
         one["fixed"] = np.concatenate([fixed_vertices(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
     if one["only"] is not None:
