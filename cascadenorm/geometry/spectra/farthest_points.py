@@ -1,6 +1,7 @@
 """Farthest point sampling by geodesic distance."""
 
 import heapq
+import operator
 from typing import NamedTuple
 
 import numpy as np
@@ -52,9 +53,10 @@ def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints
         raise ParameterError(
             f"is {count}; it must be from 1 to {len(used)}, the number of vertices that have a face", parameter="count"
         )
-    if first is not None and first not in used:
+    start = int(used[0]) if first is None else operator.index(first)
+    if start not in used:
         raise ParameterError(f"is {first}; it must be a vertex that a face references", parameter="first")
-    return spread_samples(mesh, count, first=int(used[0]) if first is None else first)[0]
+    return spread_samples(mesh, count, first=start)[0]
 
 
 def spread_samples(mesh: Mesh, count: int, *, first: int) -> tuple[Ints, Floats]:
