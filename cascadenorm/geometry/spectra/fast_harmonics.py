@@ -4,6 +4,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.geometry.spectra.farthest_points import spread_samples
@@ -44,12 +45,14 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     Raises
     ------
     ParameterError
-        `count` is out of range.
+        `count` is out of range, or `samples` is less than `count`.
     """
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())
+    check_count(count, available)
     wanted = max(SAMPLES_PER_HARMONIC * count, 1000) if samples is None else samples
-    check_count(count, min(wanted, available))
+    if wanted < count:
+        raise ParameterError(f"is {samples}; it must be at least the {count} harmonics", parameter="samples")
     if CROWDED * wanted >= available:
         return manifold_harmonics(mesh, count)
     centers, distances = spread_samples(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
