@@ -12,7 +12,7 @@ from cascadenorm.mesh import Floats, in_frame, without_lines
 EIGENVALUE_COUNT = 50
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Spectrum:
     """The lowest eigenvalues of the Laplacian of one or two meshes.
 

@@ -41,3 +41,8 @@ def test_unknown_settings_are_refused():
         cn.spectrum(icosphere(1), count=3, scale="Area")
     with pytest.raises(cn.ParameterError, match="boundary is 'Fixed'; it must be free or fixed"):
         cn.manifold_harmonics(icosphere(1), 3, boundary="Fixed")
+
+
+def test_results_can_be_told_apart():
+    one, other = (cn.spectrum(icosphere(1), count=3) for _ in range(2))
+    assert one == one and one != other and len({one, other}) == 2
