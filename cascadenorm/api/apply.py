@@ -109,7 +109,6 @@ def run_with_controls(
     faces, mesh = mesh.faces, without_lines(mesh)
     halo = None
     if controls["halo"] is not None:
-        mesh = without_repeated_faces(mesh)
         halo = check_halo(method, parameters, mesh, controls)
     order, framed, parts, exponent = _prepared(mesh, halo)
     for other in (mesh, order.mesh):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.api.regions.shells import shells
 from cascadenorm.compute.csr import grouped
+from cascadenorm.controls.weights import selected_vertices
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
@@ -26,7 +27,9 @@ from cascadenorm.mesh import (
     ordered_for_cache,
     repeats_vertex,
     without_lines,
+    without_repeated_faces,
 )
+from cascadenorm.mesh.mesh import checked_faces
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls
 
@@ -79,7 +82,8 @@ class Whole:
         Raises
         ------
         MeshError
-            The mesh is invalid, a face repeats a vertex, or regions share walls and thus depend on each other.
+            The mesh is invalid, a face repeats a vertex or another face, or regions share walls and thus depend on each
+            other.
         """
         mesh = as_mesh(mesh if faces is None else (mesh, faces))
         if without_lines(mesh) is not mesh:
@@ -87,6 +91,8 @@ class Whole:
             raise MeshError(
                 f"{lines.sum()} faces repeat a vertex (faces {first_places(lines)})", hint="drop them first"
             )
+        if (once := len(without_repeated_faces(mesh).faces)) < len(mesh.faces):
+            raise MeshError(f"{len(mesh.faces) - once} faces repeat earlier ones", hint="drop them first")
         frame = frame_of(mesh)
         seen = frame.of(mesh)
         order = ordered_for_cache(seen)  # groups follow the order in which the whole is denoised
@@ -137,11 +143,19 @@ class Whole:
         Returns
         -------
         The patch: indices of its vertices in the whole mesh, its faces, and its halo.
+
+        Raises
+        ------
+        MeshError
+            The faces are not those of the whole mesh.
+        ParameterError
+            `inside` is neither one value per vertex nor indices of vertices.
         """
-        every = np.asarray(faces)
-        chosen = np.zeros(len(self.group), bool)
-        chosen[np.asarray(inside)] = True
-        near = steps_from(Topology(every.astype(np.int32), len(chosen)), chosen, rings) <= rings
+        every = checked_faces(faces, len(self.group))
+        if len(every) != len(self.flipped):
+            raise MeshError(f"there are {len(every)} faces; the whole mesh has {len(self.flipped)}: pass all")
+        chosen = selected_vertices("inside", inside, len(self.group))
+        near = steps_from(Topology(every, len(chosen)), chosen, rings) <= rings
         mine = near[every].all(axis=1)
         vertices = np.flatnonzero(near)
         numbers = np.cumsum(near, dtype=np.int32) - 1

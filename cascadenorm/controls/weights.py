@@ -53,7 +53,12 @@ def mask_weights(given: Any, count: int) -> NDArray[Any]:
 
 def fixed_vertices(fixed: Any, count: int) -> NDArray[np.bool_]:
     """Return (count,) bool for vertices fixed by indices or by (count,) bool; refuse other selections."""
-    return _selected("fixed", np.asarray(fixed), count, "vertex", "vertices")
+    return selected_vertices("fixed", fixed, count)
+
+
+def selected_vertices(name: str, given: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return (count,) bool for vertices selected by indices or by (count,) bool; refuse other selections."""
+    return _selected(name, np.asarray(given), count, "vertex", "vertices")
 
 
 def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:

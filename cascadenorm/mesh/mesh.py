@@ -46,7 +46,7 @@ class Mesh:
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
         self.vertices = _checked_vertices(vertices)
-        self.faces = _checked_faces(faces, len(self.vertices))
+        self.faces = checked_faces(faces, len(self.vertices))
         self.topology = Topology(self.faces, len(self.vertices))
 
     def moved(self, vertices: Vectors) -> "Mesh":
@@ -318,7 +318,8 @@ def _checked_vertices(vertices: ArrayLike) -> Vectors:
     return array
 
 
-def _checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
+def checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
+    """Return a copy of faces as (m, 3) int32; raise MeshError unless there are any, all of vertices that exist."""
     array = face_array(faces)
     if not len(array):
         raise MeshError("the mesh has no faces: reconstruct a surface from the points first")

@@ -144,3 +144,23 @@ def test_meshes_whose_parts_see_one_another_are_refused():
     box = cube(2)
     wall = np.append(box.faces, [[0, 1, 2]], axis=0)
     assert cn.Whole.of(box.vertices, wall).around.sum() == wall.size
+
+
+def test_faces_that_repeat_others_are_refused():
+    with pytest.raises(cn.MeshError, match="7 faces repeat earlier ones: drop them first"):
+        cn.Whole.of(BALL.vertices, np.append(BALL.faces, BALL.faces[:7, ::-1], axis=0))
+
+
+def test_patches_of_other_faces_and_vertices_are_refused():
+    whole = cn.Whole.of(BALL)
+    for faces, message in (
+        (BALL.faces[:10], f"there are 10 faces; the whole mesh has {len(BALL.faces)}: pass all"),
+        (BALL.faces.astype(float), r"must be \(m, 3\) integers"),
+        (BALL.faces + 1, "vertices that do not exist"),
+    ):
+        with pytest.raises(cn.MeshError, match=message):
+            whole.patch(faces, [0], 1)
+    for inside in ([10**6], [-1], np.ones(3, bool), [0.5]):
+        with pytest.raises(cn.ParameterError, match=r"^inside "):
+            whole.patch(BALL.faces, inside, 1)
+    assert len(whole.patch(BALL.faces, [], 1).vertices) == 0
