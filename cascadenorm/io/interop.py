@@ -122,7 +122,12 @@ def source_name(source: Any) -> str:
 
 
 def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
-    moved = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.copy()  # the vertices of a primitive cannot be changed
+    if hasattr(mesh, "to_mesh"):  # the vertices of a primitive cannot be changed
+        kept = ("metadata", "vertex_attributes", "face_attributes")
+        others = {name: copy.deepcopy(getattr(mesh, name)) for name in kept}
+        moved = mesh.to_mesh(visual=mesh.visual.copy(), **others)
+    else:
+        moved = mesh.copy()
     moved.vertices = vertices
     return moved
 

@@ -220,10 +220,16 @@ def test_single_precision_is_worked_on_in_double():
     np.testing.assert_array_equal(out, cn.denoise(vertices.astype(float), BALL.faces, **METHOD).astype(np.float32))
 
 
-def test_a_primitive_of_trimesh_comes_back_as_a_mesh():
+def test_a_primitive_of_trimesh_comes_back_as_a_mesh_with_its_attributes():
     ball = trimesh.primitives.Sphere(subdivisions=2)
+    ball.visual.face_colors, ball.metadata["unit"] = np.arange(320)[:, None] % 256 * np.ones(4, np.uint8), "mm"
+    ball.vertex_attributes["heat"], ball.face_attributes["part"] = np.arange(162.0), np.arange(320)
     out = cn.denoise(ball, method="laplacian")
     np.testing.assert_array_equal(out.vertices, cn.denoise(ball.vertices, ball.faces, method="laplacian"))
+    np.testing.assert_array_equal(out.visual.face_colors, ball.visual.face_colors)
+    np.testing.assert_array_equal(out.vertex_attributes["heat"], np.arange(162.0))
+    np.testing.assert_array_equal(out.face_attributes["part"], np.arange(320))
+    assert out.metadata["unit"] == "mm" and ball.metadata is not out.metadata
 
 
 def test_trimesh_comes_back_with_its_attributes():
