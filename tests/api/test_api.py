@@ -369,10 +369,12 @@ def test_other_objects_are_refused():
         cn.denoise(pytest.importorskip("pyvista").Sphere().cast_to_unstructured_grid())
 
 
-@pytest.mark.parametrize("mesh", [BALL, trimesh.creation.box(), "scan.ply"])
+@pytest.mark.parametrize("mesh", [BALL, trimesh.creation.box(), "scan.ply", cn.from_arrays(BALL.vertices, BALL.faces)])
 def test_a_mesh_beside_faces_is_refused(mesh):
     with pytest.raises(cn.MeshError, match=f"vertices are of type {type(mesh).__name__}; .* without faces"):
         cn.denoise(mesh, BALL.faces)
+    with pytest.raises(cn.MeshError, match=f"vertices are of type {type(mesh).__name__}; .* without faces"):
+        cn.inspect(mesh, BALL.faces)
 
 
 def test_bad_arrays_are_refused():

@@ -59,7 +59,7 @@ class GivenMesh(NamedTuple):
 
 def taken(mesh: Any, faces: ArrayLike | None) -> GivenMesh:
     """Convert the arguments of `inspect`."""
-    if isinstance(mesh, io.MeshFile) or (faces is None and is_stored(mesh)):
+    if faces is None and (isinstance(mesh, io.MeshFile) or is_stored(mesh)):
         return _given_file(as_file(mesh), source_name(mesh))
     given = mesh if faces is None else (mesh, faces)
     arrays = arrays_of(given)
