@@ -274,9 +274,6 @@ def _surface_step(
 
 
 def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
-    if np.shape(vertices) != (len(numbers), 3):
-        returned = f"{type(vertices).__name__} of shape {np.shape(vertices)}"
-        raise DenoiseError(f"{method.name} returned {returned}; it must return an array of shape {(len(numbers), 3)}")
     bad = np.zeros(numbers.max() + 1, bool)
     bad[numbers[~all_in_rows(np.isfinite(vertices))]] = True
     if bad.any():

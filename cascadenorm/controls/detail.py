@@ -12,11 +12,12 @@ from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
 from cascadenorm.baselines.wide_errors import without_steps, without_wide_errors
 from cascadenorm.controls.displacement import clip_lengths
 from cascadenorm.detection.steps import enlarged_steps
+from cascadenorm.errors import DenoiseError
 from cascadenorm.geometry.coarse_copy import CoarseCopy
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, as_array
 from cascadenorm.registry import REGION, Method
 
 TREAT_AS = "treat_as"  # name of the parameter of `auto`
@@ -60,8 +61,8 @@ def apply_method(method: Method, parameters: Mapping[str, Any], width: float | N
         return without_wide_errors(mesh, width, on_copy)
     widths = enlarged_steps(mesh) if method.converges else np.zeros(1)
     if not widths.any():
-        return np.asarray(method.function(mesh, **parameters))
-    return without_steps(mesh, widths, lambda part: np.asarray(method.function(part, **parameters)), on_copy)
+        return _returned(method, parameters, mesh)
+    return without_steps(mesh, widths, partial(_returned, method, parameters), on_copy)
 
 
 def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) -> Vectors:
@@ -72,7 +73,18 @@ def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) ->
         parameters = {**parameters, REGION: ~held}
     if len(copy.mesh.vertices) < len(copy.labels):  # the triangles of a coarse copy do not show the kind of surface
         parameters = as_unknown_surface(method, parameters)
-    return np.asarray(method.function(copy.mesh, **parameters))
+    return _returned(method, parameters, copy.mesh)
+
+
+def _returned(method: Method, parameters: Mapping[str, Any], mesh: Mesh) -> Vectors:
+    """Return the vertices that a method returns for a mesh; raise DenoiseError unless they are (n, 3) numbers."""
+    found = method.function(mesh, **parameters)
+    must = f"it must return an array of shape {mesh.vertices.shape} of numbers"
+    vertices = as_array(found, DenoiseError(f"{method.name} returned rows of different lengths; {must}"))
+    if vertices.shape != mesh.vertices.shape or vertices.dtype.kind not in "fiu":
+        returned = f"{type(found).__name__} of shape {vertices.shape} and type {vertices.dtype}"
+        raise DenoiseError(f"{method.name} returned {returned}; {must}")
+    return vertices
 
 
 def as_unknown_surface(method: Method, parameters: Mapping[str, Any]) -> Mapping[str, Any]:

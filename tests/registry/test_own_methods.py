@@ -1,5 +1,6 @@
 """Methods that are registered from outside the package."""
 
+import re
 from typing import Annotated
 
 import pytest
@@ -7,6 +8,7 @@ from shapes import icosphere
 
 import cascadenorm as cn
 from cascadenorm.errors import DenoiseError, ParameterError
+from cascadenorm.mesh import Mesh
 from cascadenorm.registry import Parameter, method
 from cascadenorm.registry import methods as registry
 
@@ -38,11 +40,25 @@ def test_a_flag_is_never_the_truth_of_a_text(registered):
         checked({"double": "false"})
 
 
-@pytest.mark.parametrize("returned", [lambda v: None, lambda v: v[:-1], lambda v: v[:1], lambda v: v.ravel()])
-def test_a_result_that_is_not_an_array_of_vertices_is_named(registered, returned):
+@pytest.mark.parametrize(
+    ("returned", "named"),
+    [
+        (lambda v: None, "NoneType of shape ()"),
+        (lambda v: v[:-1], "ndarray of shape (161, 3)"),
+        (lambda v: v[:1], "ndarray of shape (1, 3)"),
+        (lambda v: v.ravel(), "ndarray of shape (486,)"),
+        (lambda v: Mesh(v, [(0, 1, 2)]), "Mesh of shape ()"),
+        (lambda v: v * 1j, "ndarray of shape (162, 3) and type complex128"),
+        (lambda v: v.astype(object), "ndarray of shape (162, 3) and type object"),
+        (lambda v: [*v, [0.0]], "rows of different lengths"),
+    ],
+)
+def test_a_result_that_is_not_an_array_of_vertices_is_named(registered, returned, named):
     @registered
     def mine(mesh):
         return returned(mesh.vertices)
 
-    with pytest.raises(DenoiseError, match=r"mine returned .*; it must return an array of shape \(162, 3\)"):
+    with pytest.raises(DenoiseError, match=rf"mine returned {re.escape(named)}.*; it must return .* \(162, 3\)"):
         cn.denoise(icosphere(2), method="mine")
+    with pytest.raises(DenoiseError, match=rf"mine returned {re.escape(named.partition('(')[0])}.*; it must return"):
+        cn.denoise(icosphere(2), method="mine", remove_detail="2 edges")
