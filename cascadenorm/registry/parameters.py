@@ -88,7 +88,7 @@ class Setting:
 
     def _choice(self, value: Any) -> Any:
         for choice in self.choices:
-            if value == choice or (isinstance(value, str) and value == str(choice)):
+            if getattr(value, "ndim", 0) == 0 and value in (choice, str(choice)):
                 return choice
         raise ParameterError(f"is {value!r}; it must be one of {', '.join(self.choice_names)}", parameter=self.name)
 
