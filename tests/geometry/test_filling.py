@@ -167,6 +167,13 @@ def test_faces_that_repeat_a_vertex_close_no_hole():
     np.testing.assert_array_equal(found.faces[-10:], expected.faces[-10:])
 
 
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_the_outer_boundary_of_a_small_surface_is_kept(size):
+    sheet = grid(size, size)
+    np.testing.assert_array_equal(fill_holes(sheet).faces, sheet.faces)
+    np.testing.assert_array_equal(fill_holes(Mesh(np.eye(3), [(0, 1, 2)])).faces, [(0, 1, 2)])
+
+
 def test_the_outer_boundary_of_an_open_surface_is_kept_and_holes_in_it_are_closed():
     plane = grid(12, 12)
     pierced = without(plane, (abs(plane.centroids[:, :2] - 6) < 3).all(axis=1))

@@ -18,7 +18,8 @@ FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 # It is 2π for a hemisphere, 4π for a disk, and much smaller for a sphere with a small hole.
 OUTER = 2 * math.pi  # ratio of squared boundary length to component area above which a boundary is an outer one
 
-STRAIGHTENED = range(-2, 3)  # window that smooths a loop before its length is measured, against zigzags
+STRAIGHTENED = 2  # reach of the window that smooths a loop before its length is measured, against zigzags
+LEAST_PER_REACH = 12  # least number of edges per reach; wider windows would shorten a loop by over a tenth
 
 Outer = Literal["keep", "fill"]
 
@@ -116,7 +117,9 @@ def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
     part, areas = mesh.topology.components, np.bincount(mesh.topology.face_components, mesh.areas)
     longest: dict[int, tuple[float, int]] = {}
     for number, loop in enumerate(loops):
-        corners = np.mean([np.roll(mesh.vertices[loop], shift, axis=0) for shift in STRAIGHTENED], axis=0)
+        reach = min(STRAIGHTENED, len(loop) // LEAST_PER_REACH)
+        window = range(-reach, reach + 1)
+        corners = np.mean([np.roll(mesh.vertices[loop], shift, axis=0) for shift in window], axis=0)
         length = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())
         of_part = int(part[loop[0]])
         longest[of_part] = max(longest.get(of_part, (0.0, -1)), (length, number))
