@@ -90,7 +90,8 @@ def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] 
     """
     areas = mesh.areas if areas is None else areas
     weights = np.empty(len(rings.indices), areas.dtype)
-    spread = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2
+    distance = sigma_s * mesh.mean_edge_length
+    spread = 0.5 / (distance * distance)
     parallel_for(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings, spread, weights)
     return weights
 
@@ -112,7 +113,7 @@ def joint_bilateral_pass(
     """
     out = np.empty_like(normals)
     given = normals if given is None else given
-    spread = 0.5 / sigma_r**2
+    spread = 0.5 / (sigma_r * sigma_r)
     parallel_for(len(normals), _bilateral_pass, normals, guide, given, own, rings, weights, spread, out)
     return out
 
@@ -216,7 +217,7 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
     weights = spatial_weights(mesh, rings, sigma_s)
     count = len(mesh.faces)
     own = np.empty(count)
-    parallel_for(count, _to_difference, mesh.face_normals, rings, 0.5 / sigma_r**2, weights, own)
+    parallel_for(count, _to_difference, mesh.face_normals, rings, 0.5 / (sigma_r * sigma_r), weights, own)
     means = scipy.sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
     return scipy.sparse.csr_array(scipy.sparse.diags_array(own) + means)
 

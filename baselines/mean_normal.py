@@ -120,7 +120,7 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
     means: NDArray[np.float64] = normals
     for _ in range(length):
         following = np.empty_like(normals)
-        parallel_for(len(normals), _walk_step, means, normals, rings, 0.5 / sigma_r**2, following)
+        parallel_for(len(normals), _walk_step, means, normals, rings, 0.5 / (sigma_r * sigma_r), following)
         means = following
     return means
 

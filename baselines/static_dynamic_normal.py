@@ -78,7 +78,8 @@ class StaticDynamic:
         self.neighbors = faces_within(mesh, SPREADS_REACH * sigma_s)
         parallel_for(count, _sort_rows, self.neighbors)
         self.weights, spatial = np.empty(len(self.neighbors.indices)), np.empty(count)
-        over_distance, over_guidance = 0.5 / (sigma_s * mesh.mean_edge_length) ** 2, 0.5 / sigma_g**2
+        distance = sigma_s * mesh.mean_edge_length
+        over_distance, over_guidance = 0.5 / (distance * distance), 0.5 / (sigma_g * sigma_g)
         arrays = mesh.centroids, mesh.areas, guidance, self.neighbors
         parallel_for(count, _pair_weights, *arrays, over_distance, over_guidance, self.weights, spatial)
         pairs = 0.5 * spatial.sum()  # each pair was added up from both sides

@@ -50,7 +50,7 @@ def faces_near(mesh: Mesh, faces: Ints32, radius: float, *, most: int = UNLIMITE
     parts = parallel_for(
         len(faces),
         _faces_near_range,
-        *(faces, mesh.faces, topology.vertex_faces, mesh.centroids, radius**2, most),
+        *(faces, mesh.faces, topology.vertex_faces, mesh.centroids, radius * radius, most),
         smallest=SMALLEST_COSTLY_CHUNK,
     )
     return joined_rows(len(faces), parts)

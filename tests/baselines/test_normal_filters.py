@@ -58,3 +58,19 @@ def test_in_plane_noise_of_a_sheet_stays_in_its_plane(name):
     jitter = np.random.default_rng(0).uniform(-0.2, 0.2, sheet.vertices.shape) * (1, 1, 0)
     out = methods()[name](sheet.moved(sheet.vertices + jitter))
     np.testing.assert_allclose(out[:, 2], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "spread"),
+    [
+        *(("bilateral-normal", spread) for spread in ("sigma_s", "sigma_r")),
+        *(("bilateral-normal-global", spread) for spread in ("sigma_s", "sigma_r")),
+        *(("guided-normal", spread) for spread in ("radius", "sigma_s", "sigma_r")),
+        ("random-walk-normal", "sigma_r"),
+        *(("static-dynamic-normal", spread) for spread in ("sigma_s", "sigma_g")),
+    ],
+)
+def test_a_spread_whose_square_overflows_acts_as_infinity(name, spread):
+    ball = noisy(icosphere(1), 0.1)
+    vertices = [methods()[name](ball, **{spread: value}) for value in (1e200, np.inf)]
+    np.testing.assert_array_equal(*vertices)
