@@ -18,9 +18,13 @@ from cascadenorm.registry import Parameter, method
 
 SPREADS_REACH = 3.0  # radius of the neighbourhood, in spreads over distance
 
-Smoothness = Annotated[float, Parameter("λ, weight of the differences between normals relative to fidelity", minimum=0)]
+Smoothness = Annotated[
+    float, Parameter("λ, weight of the differences between normals relative to fidelity", minimum=0, maximum=1e6)
+]
 StaticSpread = Annotated[float, Parameter("Spread over the chord between guidance normals", "chord", minimum=1e-6)]
-DynamicSpread = Annotated[float, Parameter("Spread over the chord between filtered normals", "chord", minimum=1e-6)]
+DynamicSpread = Annotated[
+    float, Parameter("Spread over the chord between filtered normals", "chord", minimum=1e-6, maximum=1e6)
+]
 InnerPasses = Annotated[int, Parameter("Number of passes over the normals in each iteration", minimum=0)]
 Iterations = Annotated[int, Parameter("Number of iterations of filter and vertex update", minimum=0)]
 

@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import grid, icosphere, noisy
 
+import cascadenorm as cn
 from cascadenorm.baselines.guided_normal import patch_guidance
 from cascadenorm.baselines.static_dynamic_normal import StaticDynamic, static_dynamic_normal
 from cascadenorm.mesh import unit
@@ -78,3 +79,10 @@ def test_the_guidance_alone_keeps_faces_apart_whatever_their_normals():
     assert 0 < across.sum() < len(across) / 4
     assert guided.weights[across].max() < 1e-80 < even.weights.min()
     np.testing.assert_array_equal(guided.weights[~across], even.weights[~across])
+
+
+@pytest.mark.parametrize("name", ["smoothness", "sigma_r"])
+def test_weights_that_would_overflow_are_refused(name):
+    assert np.isfinite(cn.denoise(ROUGH, method="static-dynamic-normal", iterations=1, **{name: 1e6}).vertices).all()
+    with pytest.raises(cn.ParameterError, match=f"{name}.*at most 1e"):
+        cn.denoise(ROUGH, method="static-dynamic-normal", **{name: np.inf})
