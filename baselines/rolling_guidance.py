@@ -13,6 +13,7 @@ from cascadenorm.geometry.sparse_solvers import solver_of_steps
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
+WIDEST = 10.0  # mesh diagonals; wider features are removed completely, up to rounding
 LEAST = 1e-6  # area of a face, and distance between two, in mean edges, below which they count as that
 
 Width = Annotated[
@@ -53,7 +54,8 @@ def rolling_guidance_normal(
     """
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()
-    normals = rolled_normals(mesh, width=width * mesh.mean_edge_length, sigma=sigma, iterations=iterations)
+    width = min(width * mesh.mean_edge_length, WIDEST * mesh.diagonal)
+    normals = rolled_normals(mesh, width=width, sigma=sigma, iterations=iterations)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="inverse-height")
 
 

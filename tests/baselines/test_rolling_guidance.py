@@ -46,3 +46,10 @@ def test_wide_edges_stay_where_narrow_waves_go():
 def test_no_width_changes_nothing():
     rough = noisy(icosphere(2), 0.2)
     assert cn.denoise(rough, method="rolling-guidance-normal", width=0).vertices.tobytes() == rough.vertices.tobytes()
+
+
+@pytest.mark.parametrize("width", [1e6, 1e300])
+def test_a_width_beyond_the_mesh_is_like_one_as_large_as_the_mesh(width):
+    rough = noisy(grid(10, 10), 0.2)
+    wide, wider = (cn.denoise(rough, method="rolling-guidance-normal", width=w).vertices for w in (1e3, width))
+    np.testing.assert_array_equal(wide, wider)
