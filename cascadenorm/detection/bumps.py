@@ -13,7 +13,7 @@ REACH = 24.0  # largest distance, in mean edge lengths, at which the correlation
 ALTERNATION = -0.18  # autocorrelation halfway between crests, at most; -0.15 and above on scans and reconstructions
 LEAST_BUMP_HEIGHT = 0.01  # root mean square, in mean edge lengths, below which a surface is smooth
 NARROWEST_BUMPS = 5.0  # least width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
-FEWEST_BUMPS = 15  # bumps, below which they are the shape
+FEWEST_BUMPS = 15  # bumps on one component, below which they are the shape
 BUMP_WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is least
 
 
@@ -45,5 +45,6 @@ def bumps(mesh: Mesh) -> Bumps | None:
     if not len(rising) or correlation[rising[0]] > ALTERNATION:
         return None
     half_wave = float(at[rising[0]])
-    width, count = BUMP_WIDTH * half_wave, mesh.area / (2 * half_wave * edge) ** 2
+    largest = np.bincount(topology.face_components, mesh.areas).max()
+    width, count = BUMP_WIDTH * half_wave, largest / (2 * half_wave * edge) ** 2
     return Bumps(width=width) if width >= NARROWEST_BUMPS and count >= FEWEST_BUMPS else None

@@ -74,6 +74,13 @@ def test_few_bumps_are_the_shape():
     assert bumps(few.moved(few.vertices + heights)) is None
 
 
+def test_many_small_bodies_are_no_bumps():
+    ball, places = icosphere(4), 3.0 * np.arange(5)
+    vertices = np.concatenate([ball.vertices + np.eye(3)[0] * place for place in places])
+    faces = np.concatenate([ball.faces + i * len(ball.vertices) for i in range(len(places))])
+    assert bumps(Mesh(vertices, faces)) is None
+
+
 def test_inspect_names_the_option_and_its_width_as_a_possibility(tmp_path, capsys):
     made = waves(10.0)
     save_mesh(tmp_path / "a.ply", made)
