@@ -166,34 +166,18 @@ def search_faces(
 
 
 class GroupSearch(NamedTuple):
-    """Working arrays of `search_group` for m faces and n vertices, and its result: at most s faces.
+    """Working arrays of `search_group` for m faces and n vertices, and its result: at most s faces."""
 
-    Parameters
-    ----------
-    met_faces, met_vertices
-        (m,) and (n,) first member of the last group whose search has met each face and vertex; initially -1.
-    places
-        (m,) place of each face that this search has met in the result, or -1 if it is too far away.
-    passed
-        (n,) members, as bits, for which the search has gone on from each vertex.
-    found, squared
-        (s,) faces, and the squared distances of their centroids from that of the first member.
-    near, reached
-        (s,) members, as bits, within the radius of each face, and those whose neighbourhood contains it.
-    queue, queued
-        (s,) places that the search goes on from, in a ring, and whether each place is among them.
-    """
-
-    met_faces: Ints32
-    met_vertices: Ints32
-    places: Ints32
-    passed: Ints32
-    found: Ints32
-    squared: Floats
-    near: Ints32
-    reached: Ints32
-    queue: Ints32
-    queued: Bools
+    met_faces: Ints32  # (m,) first member of the last group whose search has met each face; initially -1
+    met_vertices: Ints32  # (n,) the same for each vertex
+    places: Ints32  # (m,) place of each face that this search has met in the result, or -1 if it is too far away
+    passed: Ints32  # (n,) members, as bits, for which the search has gone on from each vertex
+    found: Ints32  # (s,) faces
+    squared: Floats  # (s,) squared distances of their centroids from that of the first member
+    near: Ints32  # (s,) members, as bits, within the radius of each face
+    reached: Ints32  # (s,) members, as bits, whose neighbourhood contains each face
+    queue: Ints32  # (s,) places that the search goes on from, in a ring
+    queued: Bools  # (s,) whether each place is among them
 
 
 @kernel

@@ -28,18 +28,10 @@ OLD_WEIGHTINGS = {"heights": "uniform", "angles": "inverse-height"}
 
 @dataclass(frozen=True)
 class Cascade:
-    """Regressions applied in turn. Each starts from the vertices that the previous one recovered.
+    """Regressions applied in turn. Each starts from the vertices that the previous one recovered."""
 
-    Parameters
-    ----------
-    stages
-        Regressions, in order.
-    card
-        Model card with configuration, seed and results; any JSON value.
-    """
-
-    stages: tuple[Regression, ...]
-    card: Mapping[str, Any]
+    stages: tuple[Regression, ...]  # in order
+    card: Mapping[str, Any]  # model card with configuration, seed and results; any JSON value
 
     @property
     def networks(self) -> dict[str, "Cascade"]:

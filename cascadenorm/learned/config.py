@@ -23,29 +23,15 @@ Config = TypeVar("Config")
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Training settings of one network.
+    """Training settings of one network."""
 
-    Parameters
-    ----------
-    hidden
-        Widths of the hidden layers.
-    epochs
-        Maximum number of epochs.
-    patience
-        Number of epochs without a better validation loss before training stops.
-    batch
-        Number of faces in a batch.
-    learning_rate, weight_decay, clip
-        Settings of AdamW with a cosine schedule. Gradients are clipped to the norm `clip`.
-    """
-
-    hidden: tuple[int, ...] = (128, 64)
-    epochs: int = 5
-    patience: int = 5
-    batch: int = 1024
-    learning_rate: float = 2e-3
-    weight_decay: float = 1e-3
-    clip: float = 1.0
+    hidden: tuple[int, ...] = (128, 64)  # widths of the hidden layers
+    epochs: int = 5  # at most
+    patience: int = 5  # epochs without a better validation loss before training stops
+    batch: int = 1024  # faces in a batch
+    learning_rate: float = 2e-3  # of AdamW, with a cosine schedule
+    weight_decay: float = 1e-3  # of AdamW
+    clip: float = 1.0  # norm to which gradients are clipped
 
     def __post_init__(self) -> None:
         if not self.hidden or min(self.hidden) < 1:

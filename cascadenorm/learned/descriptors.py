@@ -71,24 +71,12 @@ def _filtered(mesh: Mesh, guides: Floats | Floats32, sigma_r: tuple[float, ...])
 
 
 class Descriptor(NamedTuple):
-    """Filtered normals computed from a mesh before a stage and from the noisy mesh.
+    """Filtered normals computed from a mesh before a stage and from the noisy mesh."""
 
-    Parameters
-    ----------
-    size
-        k, the number of filtered normals per face.
-    fill
-        Function that writes them to packed normals, (m, k, 3).
-    rings
-        Number of edges within which the normals depend on the mesh, except for filters B and G.
-    filters
-        Number of filters B and G that are applied one after the other.
-    """
-
-    size: int
-    fill: Callable[[PackedNormals, Mesh, Mesh], None]
-    rings: int
-    filters: int = 0
+    size: int  # k, the number of filtered normals per face
+    fill: Callable[[PackedNormals, Mesh, Mesh], None]  # writes them to packed normals, (m, k, 3)
+    rings: int  # edges within which the normals depend on the mesh, except for filters B and G
+    filters: int = 0  # number of filters B and G that are applied one after the other
 
 
 def _pack_own(out: PackedNormals, mesh: Mesh) -> None:

@@ -45,27 +45,16 @@ TILE = 16
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureScaler:
-    """Normalisation of the features of a face to mean 0 and deviation 1, and principal directions for its context.
+    """Normalisation of the features of a face to mean 0 and deviation 1, and principal directions for its context."""
 
-    Parameters
-    ----------
-    pairs
-        (d, 2) int32 pairs of filtered normals, whose angles are the features of the face itself.
-    mean, scale
-        (d,) parameters of these features x: (x - mean) * scale.
-    projection
-        (d, p) principal directions of these features. The context features are the means of the principal components
-        around the face, and the openness of the mesh. There are none if p is 0.
-    context_mean, context_scale
-        (5 p + 1,) parameters of the context features.
-    """
-
-    pairs: Ints32
-    mean: Array
-    scale: Array
+    pairs: Ints32  # (d, 2) pairs of filtered normals, whose angles are the features x of the face itself
+    mean: Array  # (d,) of x, which becomes (x - mean) * scale
+    scale: Array  # (d,)
+    # (d, p) principal directions of x. The context features are the means of the principal components around the face,
+    # and the openness of the mesh. There are none if p is 0.
     projection: Array
-    context_mean: Array
-    context_scale: Array
+    context_mean: Array  # (5 p + 1,) of the context features
+    context_scale: Array  # (5 p + 1,)
 
     def context(self, stack: PackedNormals, mesh: Mesh, sums: "ComponentSums | None" = None) -> "Context":
         """Average the principal components of the features around each vertex, and compute the openness.
@@ -171,22 +160,12 @@ def by_filter(stack: Stack) -> Array:
 
 
 class ComponentSums(NamedTuple):
-    """Sums over the faces of each of c connected components.
+    """Sums over the faces of each of c connected components."""
 
-    Parameters
-    ----------
-    faces
-        (c,) numbers of faces.
-    values
-        (c, p) sums of features.
-    area_vectors, areas
-        (c, 3) and (c,) sums.
-    """
-
-    faces: Ints
-    values: Floats
-    area_vectors: Floats
-    areas: Floats
+    faces: Ints  # (c,) numbers of faces
+    values: Floats  # (c, p) sums of features
+    area_vectors: Floats  # (c, 3)
+    areas: Floats  # (c,)
 
 
 def component_sums(values: NDArray[np.floating[Any]], mesh: Mesh, among: Bools | slice = slice(None)) -> ComponentSums:
@@ -204,24 +183,12 @@ def component_sums(values: NDArray[np.floating[Any]], mesh: Mesh, among: Bools |
 
 
 class Context(NamedTuple):
-    """Context features of the faces of a mesh.
+    """Context features of the faces of a mesh."""
 
-    Parameters
-    ----------
-    faces
-        (m, 3) faces of the mesh.
-    averages
-        (n, p) averages at the vertices, one array per scale.
-    components
-        (m,) connected component of each face.
-    whole
-        (c, q) features of the components.
-    """
-
-    faces: Ints32
-    averages: tuple[Array, ...]
-    components: Ints32
-    whole: Array
+    faces: Ints32  # (m, 3) faces of the mesh
+    averages: tuple[Array, ...]  # (n, p) averages at the vertices, one array per scale
+    components: Ints32  # (m,) connected component of each face
+    whole: Array  # (c, q) features of the components
 
     def of(self, rows: slice | NDArray[np.intp] = slice(None)) -> Array:
         """Return the context features of some faces: the averages at their corners and those of their component.

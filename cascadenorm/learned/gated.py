@@ -22,24 +22,12 @@ GATED_FORMATS = ("cascadenorm-gated/3", "cascadenorm-gated/2", "cascadenorm-gate
 
 @dataclass(frozen=True)
 class GatedCascades:
-    """The model of the method `auto`.
+    """The model of the method `auto`."""
 
-    Parameters
-    ----------
-    vertex
-        Network for vertex noise.
-    surface
-        Network for measured surfaces: errors of volumes, scanners, cameras and point clouds.
-    gate
-        Gate that chooses between the networks from the triangulation.
-    gate_card
-        Description of how the gate was trained; any JSON value.
-    """
-
-    vertex: Cascade
-    surface: Cascade
-    gate: Gate
-    gate_card: Mapping[str, Any]
+    vertex: Cascade  # network for vertex noise
+    surface: Cascade  # network for measured surfaces: errors of volumes, scanners, cameras and point clouds
+    gate: Gate  # chooses between the networks from the triangulation
+    gate_card: Mapping[str, Any]  # how the gate was trained; any JSON value
 
     @property
     def card(self) -> dict[str, Any]:

@@ -125,24 +125,12 @@ def loaded(model: Learned | Path | None, name: str) -> Learned:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshTreatment:
-    """How `auto` treats a mesh.
+    """How `auto` treats a mesh."""
 
-    Parameters
-    ----------
-    treatment
-        Treatment of most of the faces.
-    probability
-        Probability of this treatment according to the gate, averaged over those faces.
-    share
-        Share of the faces with this treatment. The other components get the other treatment.
-    given
-        Whether the user chose the treatment, so that the gate was not asked.
-    """
-
-    treatment: Treatment
-    probability: float
-    share: float
-    given: bool = False
+    treatment: Treatment  # of most of the faces
+    probability: float  # of this treatment according to the gate, averaged over those faces
+    share: float  # of the faces with this treatment; the other components get the other treatment
+    given: bool = False  # whether the user chose the treatment, so that the gate was not asked
 
     def __str__(self) -> str:
         """Return a phrase, such as "measured surface (probability 0.93)"."""

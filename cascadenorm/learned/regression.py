@@ -24,23 +24,13 @@ class Regression:
 
     A network predicts one coefficient for each filtered normal of the face. The result is their weighted sum,
     normalised, which therefore rotates with the mesh.
-
-    Parameters
-    ----------
-    settings
-        Descriptor of the stage, and settings of the vertex update.
-    scaler
-        Normalisation of the features for centres and networks.
-    centers
-        (c, d) cluster centres.
-    layers
-        Weights (c, i, o) and biases (c, o) of each layer. The first layer has d inputs, the last one outputs the
-        coefficients of the k normals.
     """
 
-    settings: Stage
-    scaler: FeatureScaler
-    centers: Array
+    settings: Stage  # descriptor of the stage, and settings of the vertex update
+    scaler: FeatureScaler  # normalisation of the features for centres and networks
+    centers: Array  # (c, d) cluster centres
+    # Weights (c, i, o) and biases (c, o) of each layer. The first layer has d inputs, the last one outputs the
+    # coefficients of the k normals.
     layers: tuple[tuple[Array, Array], ...]
 
     def arrays(self) -> dict[str, NDArray[Any]]:

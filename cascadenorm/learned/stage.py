@@ -12,29 +12,15 @@ Activation = Literal["silu", "tanh"]
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """Settings of one stage of a cascade: a table `[[stages]]` of a training configuration.
+    """Settings of one stage of a cascade: a table `[[stages]]` of a training configuration."""
 
-    Parameters
-    ----------
-    descriptor
-        Filtered normals that the stage reads, a name in DESCRIPTORS.
-    pairs
-        Number of pairs of filtered normals whose angles the networks read; 0 selects all pairs.
-    activation
-        Activation of the hidden layers of its networks, "silu" or "tanh".
-    meshes
-        Number of generated meshes that it is trained on, the first ones; 0 selects all. Given pairs are always used.
-    epochs
-        Maximum number of epochs of its training; 0 selects `fit.epochs`.
-    weighting, foldovers, sweeps
-        Settings of the vertex update after the stage, see `recover_vertices`.
-    """
-
-    descriptor: str
-    pairs: int = 0
-    activation: Activation = "silu"
+    descriptor: str  # filtered normals that the stage reads, a name in DESCRIPTORS
+    pairs: int = 0  # pairs of filtered normals whose angles the networks read; 0 selects all pairs
+    activation: Activation = "silu"  # of the hidden layers of its networks
+    # generated meshes that it is trained on, the first ones; 0 selects all. Given pairs are always used
     meshes: int = 0
-    epochs: int = 0
+    epochs: int = 0  # of its training, at most; 0 selects `fit.epochs`
+    # this and the following: settings of the vertex update after the stage, see `recover_vertices`
     weighting: Weighting = "uniform"
     foldovers: Foldovers = "avoid"
     sweeps: int = 20

@@ -53,24 +53,12 @@ GATE_DATA = DatasetConfig(
 
 @dataclass(frozen=True, kw_only=True)
 class GateConfig:
-    """Settings that determine a trained gate.
+    """Settings that determine a trained gate."""
 
-    Parameters
-    ----------
-    seed
-        Seed of the trees. `data.seed` is the seed of the meshes.
-    trees
-        Number of trees.
-    least
-        Minimum number of meshes in a leaf.
-    data
-        Noisy meshes.
-    """
-
-    seed: int = 0
-    trees: int = 150
-    least: int = 6
-    data: DatasetConfig = field(default_factory=lambda: GATE_DATA)
+    seed: int = 0  # of the trees; `data.seed` is the seed of the meshes
+    trees: int = 150  # number of trees
+    least: int = 6  # minimum number of meshes in a leaf
+    data: DatasetConfig = field(default_factory=lambda: GATE_DATA)  # noisy meshes
 
 
 class Compared(NamedTuple):

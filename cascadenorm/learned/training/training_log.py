@@ -13,24 +13,14 @@ from cascadenorm.errors import MissingDependencyError, ParameterError, ReadError
 
 
 class Pass(NamedTuple):
-    """One epoch of training on the faces of a cluster.
-
-    Parameters
-    ----------
-    stage, cluster, epoch
-        Numbers, counted from 1.
-    loss, validation
-        Mean chord between predicted and true normals on the training and the validation faces.
-    validation_deg
-        Mean angle on the validation faces, in degrees.
-    """
+    """One epoch of training on the faces of a cluster; stages, clusters and epochs count from 1."""
 
     stage: int
     cluster: int
     epoch: int
-    loss: float
-    validation: float
-    validation_deg: float
+    loss: float  # mean chord between predicted and true normals on the training faces
+    validation: float  # the same on the validation faces
+    validation_deg: float  # mean angle on the validation faces, in degrees
 
 
 Recorder = Callable[[Pass], object]
