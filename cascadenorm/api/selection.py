@@ -31,7 +31,8 @@ def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
     applies, and the vertex is fixed if one of its copies is. Raises ParameterError if a name is not in the file, a file
     cannot be read, or an index is out of range.
     """
-    mask, fixed, creases = (_as_text(controls[name]) for name in ("mask", "fixed", "creases"))
+    given = (controls["mask"], controls["fixed"], controls["creases"])
+    mask, fixed, creases = (fspath(one) if isinstance(one, PathLike) else one for one in given)
     found = controls.copy()
     if mask is not None:
         found["mask"] = _mask(mask, file)
@@ -81,10 +82,6 @@ def labelled_faces(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
             raise ParameterError(f"matches no face with {name!r}; {there}", parameter="only")
         chosen = chosen | carrying
     return chosen[file.triangle_polygons[~file.left_out]]
-
-
-def _as_text(given: Any) -> Any:
-    return fspath(given) if isinstance(given, PathLike) else given
 
 
 def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:

@@ -57,13 +57,10 @@ def has_voxel_faces(mesh: Mesh) -> bool:
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
     """Move vertices of a mesh of voxel faces to the mean of the centroids around them; keep other meshes."""
-    return mesh.moved(mean_centroids(mesh)) if has_voxel_faces(mesh) else mesh
-
-
-def mean_centroids(mesh: Mesh) -> Vectors:
-    """Return the (n, 3) mean of the centroids around each vertex; a vertex without a face stays in place."""
+    if not has_voxel_faces(mesh):
+        return mesh
     means = averaged_around(mesh.centroids, mesh.topology.vertex_faces)
-    return np.where(mesh.topology.used_vertices[:, None], means, mesh.vertices)
+    return mesh.moved(np.where(mesh.topology.used_vertices[:, None], means, mesh.vertices))
 
 
 def _normal_of_largest(mesh: Mesh, across: Vectors) -> Vectors | None:
@@ -83,7 +80,8 @@ def _step_share(mesh: Mesh) -> float:
     pairs, ends = topology.face_pairs[bends], topology.edges[topology.interior_edges[bends]]
     rise = rises(mesh, pairs)
     length, angle = row_distances(mesh.vertices, ends), angles_between(*mesh.face_normals[pairs.T])
-    bend = length * angle * (np.abs(rise) > _rounding(mesh))
+    rounding = min(COPLANAR * mesh.diagonal, SMALL_HEIGHT * mesh.median_edge_length)
+    bend = length * angle * (np.abs(rise) > rounding)
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
     at_vertices = scatter_add(ends.ravel(), np.repeat(signed, 2, axis=0), len(mesh.vertices))
     left, total = np.abs(averaged(at_vertices, topology.vertex_neighbors, 2)).T
@@ -96,11 +94,6 @@ def _share_in_planes(mesh: Mesh) -> float:
     cosines = np.einsum("ijk,ik->ij", mesh.vertex_normals[mesh.faces], mesh.face_normals)
     np.minimum.at(least, mesh.faces, cosines)
     return float(np.mean(least[mesh.topology.used_vertices] > 1 - 1e-7))
-
-
-def _rounding(mesh: Mesh) -> float:
-    """Return the largest height of a vertex above a plane that rounding can explain."""
-    return min(COPLANAR * mesh.diagonal, SMALL_HEIGHT * mesh.median_edge_length)
 
 
 @kernel

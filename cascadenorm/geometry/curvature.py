@@ -14,18 +14,15 @@ def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
     The (n,) values are in 1 / mesh unit: 1/r on an outward-oriented sphere of radius r. They are NaN on the boundary,
     where the formula does not hold, and at vertices without area.
     """
-    total, areas = np.einsum("ij,ij->i", _gradient_of_area(mesh), mesh.vertex_normals), mixed_areas(mesh)
+    cotangents, _ = face_cotangents(mesh)
+    # the product of the cotangent stiffness and the vertices, Σ_j (cot α + cot β)/2 (x_i - x_j)
+    gradients = np.empty_like(mesh.vertices)
+    around = mesh.topology.vertex_faces
+    parallel_for(len(gradients), _gradient_range, mesh.vertices, mesh.faces, around, cotangents, gradients)
+    total, areas = np.einsum("ij,ij->i", gradients, mesh.vertex_normals), mixed_areas(mesh)
     curvature = np.divide(0.5 * total, areas, out=np.full(len(areas), np.nan), where=areas > 0)
     curvature[mesh.topology.boundary_vertices] = np.nan
     return np.where(np.isfinite(curvature), curvature, np.nan)
-
-
-def _gradient_of_area(mesh: Mesh) -> Vectors:
-    """Return (n, 3) Σ_j (cot α + cot β)/2 (x_i - x_j), the product of the cotangent stiffness and the vertices."""
-    cotangents, _ = face_cotangents(mesh)
-    out = np.empty_like(mesh.vertices)
-    parallel_for(len(out), _gradient_range, mesh.vertices, mesh.faces, mesh.topology.vertex_faces, cotangents, out)
-    return out
 
 
 def mixed_areas(mesh: Mesh) -> NDArray[np.float64]:

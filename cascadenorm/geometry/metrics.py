@@ -99,6 +99,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     areas = (reference if np.array_equal(mesh.faces, reference.faces) else mesh).areas[known]
     there = away.distances[mesh.topology.used_vertices]
     _check_related(mesh, reference, float(there.mean()))
+    enclose = is_closed(mesh) and is_closed(reference)
     back = SurfaceTree(mesh).nearest(reference.vertices[reference.topology.used_vertices]).distances
     return Measures(
         normal_error_deg=float(angles.mean()),
@@ -109,7 +110,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
         vertex_error_edges=float(there.mean() / reference.mean_edge_length),
         vertex_rms_edges=float(np.sqrt(np.square(there).mean()) / reference.mean_edge_length),
         hausdorff_diagonal=float(max(there.max(), back.max()) / reference.diagonal),
-        volume_ratio=_volume_ratio(mesh, reference),
+        volume_ratio=mesh.volume / reference.volume if enclose and reference.volume else None,
     )
 
 
@@ -148,9 +149,3 @@ def _check_related(mesh: Mesh, reference: Mesh, distance: float) -> None:
         f"the mesh is {distance / reference.diagonal:.3g} diagonals of the reference away from it on average{units}: "
         "bring both to one unit and one place, and check that they show the same object"
     )
-
-
-def _volume_ratio(mesh: Mesh, reference: Mesh) -> float | None:
-    if not (is_closed(mesh) and is_closed(reference)) or reference.volume == 0:
-        return None
-    return mesh.volume / reference.volume

@@ -98,7 +98,7 @@ class FeatureScaler:
         """
         features = np.empty((len(self.mean) + len(self.context_mean), len(stack)), np.float32)
         own, around = np.split(features, [len(self.mean)])
-        self._write_own(stack, own)
+        _write_pairs(stack, self.pairs, self.mean, self.scale, own)
         around[:] = context.T
         _normalize(around, self.context_mean, self.context_scale)
         return features.T
@@ -106,12 +106,8 @@ class FeatureScaler:
     def _own(self, stack: Stack) -> Array:
         """Return the normalised features of the faces themselves, (m, d)."""
         features = np.empty((len(self.mean), len(stack)), np.float32)
-        self._write_own(stack, features)
+        _write_pairs(stack, self.pairs, self.mean, self.scale, features)
         return features.T
-
-    def _write_own(self, stack: Stack, out: Array) -> None:
-        """Write the features of the faces themselves, (d, m)."""
-        _write_pairs(stack, self.pairs, self.mean, self.scale, out)
 
 
 def padded(features: Array) -> Array:

@@ -40,7 +40,7 @@ def stage_model(stage: Regression) -> bytes:
     coefficients = _coefficients(graph, stage, features)
     normals = _weighted_sum(graph, coefficients)
     graph.add("Identity", [normals], output="normals")
-    count, around = _normals_of(stage), stage.scaler.context_mean.size
+    count, around = DESCRIPTORS[stage.settings.descriptor].size, stage.scaler.context_mean.size
     inputs = [helper.make_tensor_value_info("stack", TensorProto.FLOAT, ["faces", count, 3])]
     if around:
         inputs.append(helper.make_tensor_value_info("context", TensorProto.FLOAT, ["faces", around]))
@@ -71,11 +71,6 @@ class _Graph:
         name = f"constant{len(self.constants)}"
         self.constants.append(numpy_helper.from_array(np.asarray(values, kind, order="C"), name))
         return name
-
-
-def _normals_of(stage: Regression) -> int:
-    """Return the number k of filtered normals of a stage."""
-    return DESCRIPTORS[stage.settings.descriptor].size
 
 
 def _features(graph: _Graph, stage: Regression) -> str:

@@ -1,6 +1,6 @@
 """Evaluations as HTML: one page with tables and figures, and a page with the viewer for each pair."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 from os import PathLike, fsencode
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation import tables
-from cascadenorm.evaluation.harness import Evaluation, FailedRun, RunResult
+from cascadenorm.evaluation.harness import Evaluation, RunResult
 from cascadenorm.evaluation.runs import NOISY
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import SYMBOLS, errors
@@ -67,7 +67,8 @@ def report_evaluation(
     if done.records is None:
         raise ParameterError("the meshes of the evaluation were not kept", hint="give evaluate a folder to keep them")
     make_folder(folder)
-    sections = [("Failures", _failures(done.failures))] if done.failures else []
+    failures = [(f.pair, f.method or "", str(f.error)) for f in done.failures]
+    sections = [("Failures", table([("pair", "method", "error"), *failures]))] if failures else []
     means = [
         (f"{one.method} *" if one.method in done.partial else one.method, one.measures.normal_error_deg)
         for one in done.means
@@ -169,8 +170,3 @@ def _table(one: tables.Table) -> str:
     """Return a table with its best cells in bold; the head is row 0."""
     best = {(i, j) for i, row in enumerate(one.rows, start=1) for j, cell in enumerate(row) if cell.best}
     return table([one.head, *[[cell.text for cell in row] for row in one.rows]], bold=best, numbers=True)
-
-
-def _failures(failures: Sequence[FailedRun]) -> str:
-    lines = [(f.pair, f.method or "", str(f.error)) for f in failures]
-    return table([("pair", "method", "error"), *lines])

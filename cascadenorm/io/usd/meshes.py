@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
 from cascadenorm.io.shown import reversed_polygons
-from cascadenorm.io.usd.layers import Layers
 from cascadenorm.mesh.polygons import Polygons
 
 USD_NORMALS = ("primvars:normals", "normals")
@@ -27,12 +26,8 @@ class LayerMesh(NamedTuple):
     places: NDArray[np.int64]
 
 
-def meshes_of(layers: Layers) -> list[LayerMesh]:
-    """Return the meshes of layers. Raises ReadError if one is damaged or its points are animated."""
-    return [mesh for name, layer in layers.items() for mesh in _meshes_in(name, layer)]
-
-
-def _meshes_in(name: str, layer: Any) -> Iterator[LayerMesh]:
+def meshes_in(name: str, layer: Any) -> Iterator[LayerMesh]:
+    """Yield the meshes of a layer with a name. Raises ReadError if one is damaged or its points are animated."""
     paths: list[Any] = []
     layer.Traverse("/", paths.append)
     prims = (layer.GetPrimAtPath(path.GetPrimOrPrimVariantSelectionPath()) for path in paths if path.name == "points")

@@ -25,7 +25,7 @@ from cascadenorm.io.usd.layers import (
     said,
     usdz_archive,
 )
-from cascadenorm.io.usd.meshes import USD_NORMALS, meshes_of, normal_rows, set_value, value
+from cascadenorm.io.usd.meshes import USD_NORMALS, meshes_in, normal_rows, set_value, value
 from cascadenorm.io.usd.scene import scene_content, stage_of
 from cascadenorm.mesh import any_in_rows, box_of
 from cascadenorm.mesh.polygons import Polygons
@@ -42,7 +42,7 @@ class UsdFile(MeshFile):
         self._files = files_within(self.data, self.format)
         self._layers = opened(self._files)
         with explained("OpenUSD cannot read this file", said=said), quiet():  # a binary layer is parsed only here
-            self._meshes = meshes_of(self._layers)
+            self._meshes = [mesh for name, layer in self._layers.items() for mesh in meshes_in(name, layer)]
         if not self._meshes:
             elsewhere = [path for layer in self._layers.values() for path in layers_named_by(layer)]
             names = ", ".join(sorted({*elsewhere} - {""})[:3])[:100]

@@ -111,7 +111,9 @@ def train_network(
     features, inputs = features_on(device, scaler), len(scaler.mean) + faces.context.shape[1]
     network = Network([inputs, *fit.hidden, faces.stack.shape[1]], activation, generator).to(device)
     model = DistributedDataParallel(network) if distributed.world_size() > 1 else network
-    optimiser = _optimiser(network, fit, device)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=fit.learning_rate, weight_decay=fit.weight_decay, fused=device.type == "cuda"
+    )
     mine, sizes = _batches(len(training), fit.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, fit.epochs * len(sizes))
 
@@ -125,7 +127,12 @@ def train_network(
         learned = torch.zeros((), dtype=torch.float64, device=device)
         for part, size in zip(drawn.split(mine), sizes, strict=True):  # type: ignore[no-untyped-call]
             loss = chords_of(model, part).sum()
-            _descend(loss * (distributed.world_size() / size), network, optimiser, schedule, fit.clip)
+            optimiser.zero_grad()
+            mean = loss * (distributed.world_size() / size)  # whose mean over all processes is that of the batch
+            mean.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(network.parameters(), fit.clip)
+            optimiser.step()
+            schedule.step()
             learned += loss.detach()
         with torch.no_grad():
             parts = validation.to(stored).split(65536)  # type: ignore[no-untyped-call]
@@ -135,7 +142,8 @@ def train_network(
         training_loss, validation_loss, angle = _means([learned.item(), *sums], counts)
         log(epoch, training_loss, validation_loss, angle)
         if validation_loss < best_loss:
-            best, best_loss, best_epoch = _copied(network), validation_loss, epoch
+            best = {name: tensor.clone() for name, tensor in network.state_dict().items()}
+            best_loss, best_epoch = validation_loss, epoch
         elif epoch - best_epoch >= fit.patience:
             break
     if not np.isfinite(best_loss):
@@ -148,30 +156,6 @@ def _split(rows: NDArray[np.intp], generator: torch.Generator) -> tuple[Tensor, 
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     return order[:cut], order[cut:] if cut < len(order) else order
-
-
-def _optimiser(network: Network, fit: Fit, device: torch.device) -> torch.optim.Optimizer:
-    rate, decay = fit.learning_rate, fit.weight_decay
-    return torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay, fused=device.type == "cuda")
-
-
-def _descend(
-    loss: Tensor,
-    network: Network,
-    optimiser: torch.optim.Optimizer,
-    schedule: torch.optim.lr_scheduler.LRScheduler,
-    clip: float,
-) -> None:
-    """Take a gradient step. The mean of the loss over all processes is that of the batch."""
-    optimiser.zero_grad()
-    loss.backward()  # type: ignore[no-untyped-call]
-    torch.nn.utils.clip_grad_norm_(network.parameters(), clip)
-    optimiser.step()
-    schedule.step()
-
-
-def _copied(network: Network) -> dict[str, Tensor]:
-    return {name: tensor.clone() for name, tensor in network.state_dict().items()}
 
 
 def _means(sums: list[float], counts: list[int]) -> list[float]:
