@@ -51,7 +51,6 @@ class _Instructions:
         return self.context.cast(self.builder, self.values[name], self.kinds[name], types.intp)
 
     def entry(self, name: str, *index: Any) -> Any:
-        """Return an entry of an array."""
         return self.builder.load(self._at(name, *index))
 
     def splat(self, number: Any) -> Any:

@@ -39,7 +39,6 @@ NO_SPACE = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
 def exit_code(error: Exception) -> int:
-    """Return the exit code for an error."""
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         return OUTPUT
     return next((code for kind, code in EXIT_CODES.items() if isinstance(error, kind)), FAILED)

@@ -27,7 +27,6 @@ def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:
 
 
 def method_json(method: "Method") -> dict[str, Any]:
-    """Return a method with its parameters."""
     return {
         "name": method.name,
         "summary": method.summary,

@@ -94,7 +94,6 @@ def _option(setting: ControlSetting) -> inspect.Parameter:
 
 
 def _value(setting: ControlSetting, given: Any) -> Any:
-    """Return the value of a control from the value of its option."""
     if setting.about.flag:
         return setting.choices[0] if given else None
     return given or None if isinstance(given, list) else given  # some versions of typer pass an empty list

@@ -36,7 +36,6 @@ PLAIN_WIDTH = 120
 
 
 def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
-    """Print the summary of a denoised file."""
     print(f"{done.source} -> {done.output}", file=file)
     print(
         f"{done.method}: {counted(done.faces, 'face')} in {done.seconds:.2f} s; "
@@ -184,7 +183,6 @@ def _number(value: float | None) -> str:
 
 
 def print_measures(measures: "Measures") -> None:
-    """Print the measures of one mesh."""
     _print_table(("measure", "value"), "lr", measures.formatted().items())
 
 

@@ -63,6 +63,5 @@ class Stopwatch:
         self._start, self._compiled = time.perf_counter(), _clock.seconds
 
     def seconds(self) -> float:
-        """Return the elapsed seconds."""
         compiled = _clock.seconds - self._compiled
         return max(0.0, time.perf_counter() - self._start - compiled)

@@ -18,7 +18,6 @@ class Csr(NamedTuple):
         return cls(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32))
 
     def row(self, i: int) -> NDArray[np.int32]:
-        """Return the entries of row i."""
         return self.indices[self.indptr[i] : self.indptr[i + 1]]
 
     @property

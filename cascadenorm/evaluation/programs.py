@@ -130,7 +130,6 @@ def _run_within(command: Sequence[str], timeout: float, name: str) -> subprocess
 
 
 def _kill_group(process: subprocess.Popen[str]) -> None:
-    """Kill a process and all of its child processes."""
     if sys.platform == "win32":
         subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
     else:

@@ -22,7 +22,6 @@ class Records(NamedTuple):
     folder: Path
 
     def mesh_file(self, pair: str, name: str) -> Path:
-        """Return the path of a stored mesh."""
         return self.folder / pair.replace("/", "_").replace("\\", "_") / f"{name}.ply"
 
     def key(

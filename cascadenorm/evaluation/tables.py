@@ -153,7 +153,6 @@ def csv_text(done: Evaluation) -> str:
 
 
 def markdown(tables: Sequence[Table]) -> str:
-    """Return tables in Markdown."""
     parts = []
     for table in tables:
         lines = [f"{table.title}:", "", _piped(table.head), _piped(["---", *["---:"] * (len(table.head) - 1)])]

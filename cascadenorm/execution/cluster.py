@@ -104,7 +104,6 @@ def required_folder(places: Iterable[str | PathLike[str]], values: Iterable[obje
 
 
 def lost_scheduler(scheduler: str, error: Exception, hint: str = "") -> WorkerError:
-    """Return the error for a lost connection."""
     return WorkerError(f"the scheduler at {scheduler} does not answer any more: {dask_message(error)}", hint=hint)
 
 

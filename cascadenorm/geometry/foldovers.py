@@ -115,7 +115,6 @@ def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
 
 @kernel
 def _sum_of_corners_range(start: int, stop: int, values: Floats, faces: Ints32, out: Floats) -> None:
-    """Sum the values of the corners of each face."""
     for f in range(start, stop):
         a, b, c = faces[f]
         for column in range(values.shape[1]):

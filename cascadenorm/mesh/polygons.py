@@ -51,7 +51,6 @@ class Polygons(NamedTuple):
         return len(self.indptr) - 1
 
     def part(self, block: slice) -> "Polygons":
-        """Return the polygons in a slice."""
         indptr = self.indptr[block.start : block.stop + 1]
         return Polygons(indptr - indptr[0], self.corners[indptr[0] : indptr[-1]])
 

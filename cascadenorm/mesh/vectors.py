@@ -17,19 +17,16 @@ def row(points: Floats, i: Index) -> Vector:
 
 @kernel
 def add(u: Three, v: Three) -> Vector:
-    """Return u + v."""
     return u[0] + v[0], u[1] + v[1], u[2] + v[2]
 
 
 @kernel
 def subtract(u: Three, v: Three) -> Vector:
-    """Return u - v."""
     return u[0] - v[0], u[1] - v[1], u[2] - v[2]
 
 
 @kernel
 def scaled(factor: float, u: Three) -> Vector:
-    """Return factor · u."""
     return factor * u[0], factor * u[1], factor * u[2]
 
 

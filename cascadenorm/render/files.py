@@ -95,7 +95,6 @@ TURNTABLES: Mapping[str, Callable[..., bytes]] = {".webp": animated_webp, ".mp4"
 
 
 def _encoder(output: Path, *, turntable: bool) -> Callable[..., bytes]:
-    """Return the encoder for a file name."""
     known, content = (TURNTABLES, "a turntable") if turntable else (ENCODERS, "a picture")
     suffix = output.suffix.lower()
     if suffix not in known:

@@ -45,7 +45,6 @@ def drawing(text: str) -> Iterator[None]:
 
 
 def text_of(figure: "Figure") -> str:
-    """Return all text in a figure."""
     from matplotlib.text import Text
 
     return "".join(text.get_text() for text in figure.findobj(Text))

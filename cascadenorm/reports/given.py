@@ -28,7 +28,6 @@ class Given(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The label of the mesh."""
         return LABELS.get(self.key, self.key)
 
     def checksum(self) -> tuple[int, str] | None:

@@ -149,5 +149,4 @@ def html_list(lines: Iterable[str]) -> str:
 
 
 def code(text: str) -> str:
-    """Return a block of code."""
     return f"<pre><code>{escape(text)}</code></pre>"

@@ -17,8 +17,6 @@ AT_FACES = {
 
 
 class DefectPlace(NamedTuple):
-    """The place of a defect."""
-
     # mesh, finding, label: names of the mesh and the finding, and a label such as "face 17"
     mesh: str
     finding: str

@@ -26,8 +26,6 @@ class Found:
 
 
 class GivenMesh(NamedTuple):
-    """A mesh as given to `inspect`."""
-
     source: str
     number_type: str
     counts_from: int

@@ -23,8 +23,6 @@ HALO_MARGIN = 2  # extra width of a halo in edges beyond the receptive field of 
 
 @dataclass
 class Patching:
-    """Settings for work in patches."""
-
     faces: int  # number of faces in a patch, including its halo
     each: Map = map  # does the work on the patches: `map` in this process, or a map over the processes of a cluster
     # bytes of memory for results that a later pass over the patches can reuse; 0 if other processes do the work

@@ -164,8 +164,6 @@ class PatchedDocument:
 
 
 class _Part(NamedTuple):
-    """One patch."""
-
     place: int  # number of the primitive whose properties it gets
     vertices: NDArray[np.int64]  # ascending positions, those of the file before additional ones
     own: NDArray[np.int64]  # those of the file only

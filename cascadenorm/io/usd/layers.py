@@ -89,7 +89,6 @@ def copied(layer: Any) -> Any:
 
 
 def layer_bytes(layer: Any, *, binary: bool) -> bytes:
-    """Return the bytes of a layer."""
     with quiet(), tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / ("layer.usdc" if binary else "layer.usda")
         with explained("OpenUSD cannot write this file", OutputError, hint="choose ply or glb", said=said):

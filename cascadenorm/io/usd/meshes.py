@@ -15,8 +15,6 @@ USD_NORMALS = ("primvars:normals", "normals")
 
 
 class LayerMesh(NamedTuple):
-    """A mesh in a layer."""
-
     layer: str  # its name
     prim: Any  # specification in the layer
     points: NDArray[np.float32]  # (k, 3)

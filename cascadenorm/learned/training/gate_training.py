@@ -124,7 +124,6 @@ def trained_gate(
 
 
 def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool_]) -> Mapping[str, dict[str, float]]:
-    """Return the mean angles of each family and of all meshes."""
     columns = {
         "vertex": angles[:, 0],
         "surface": angles[:, 1],
