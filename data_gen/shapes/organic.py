@@ -29,7 +29,6 @@ from cascadenorm.data_gen.shapes.placement import (
     moved,
     random_direction,
     random_rotation,
-    stretched,
     tapered,
     twisted,
     warped,
@@ -136,7 +135,7 @@ def bust(edge: float, rng: np.random.Generator) -> DistanceField:
     whole = pushed_out(whole, curls, amplitude=rng.uniform(0.005, 0.02))
     pores = noise(wavelength=edge * rng.uniform(6, 20), octaves=3, rng=rng)
     whole = pushed_out(whole, pores, amplitude=rng.uniform(0.0, 0.006))
-    return _gently_warped(moved(stretched(whole, 0.9), by=[0, 0.2, 0]), rng)
+    return _gently_warped(moved(lambda points: 0.9 * whole(points / 0.9), by=[0, 0.2, 0]), rng)
 
 
 def bumpy(edge: float, rng: np.random.Generator) -> DistanceField:

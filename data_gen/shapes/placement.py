@@ -51,12 +51,6 @@ def aligned(field: DistanceField, axis: ArrayLike, *, by: ArrayLike = (0.0, 0.0,
     return moved(field, by=by, rotation=np.stack([x, np.cross(z, x), z], axis=1))
 
 
-def stretched(field: DistanceField, factors: ArrayLike) -> DistanceField:
-    """Stretch the shape along the axes. With unequal factors, the distance is a lower bound."""
-    factors = np.broadcast_to(np.asarray(factors, np.float64), 3)
-    return lambda points: field(points / factors) * factors.min()
-
-
 def around(field: DistanceField, *, count: int) -> DistanceField:
     """Repeat what lies about the positive x axis `count` times around z."""
     sector = 2 * np.pi / count
