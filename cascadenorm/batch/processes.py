@@ -51,7 +51,6 @@ class LocalProcesses:
         self._busy[task.job].send((task, threads))
 
     def ended(self, seconds: float) -> list[tuple[Job, Outcome | WorkerError]]:
-        """Wait for outcomes, at most this many seconds."""
         if not self._busy:
             time.sleep(seconds)
             return []
@@ -69,10 +68,8 @@ class LocalProcesses:
         return found
 
     def stop(self, job: Job) -> None:
-        """Stop the process that works on a file."""
         Worker.stop([self._busy.pop(job)])
 
     def close(self) -> None:
-        """Stop all processes."""
         Worker.stop([*self._idle, *self._busy.values()])
         self._idle, self._busy = [], {}
