@@ -47,13 +47,13 @@ class GatedCascades:
         count = int(mesh.topology.components.max()) + 1
         return ComponentKinds(np.full(count, probability == 1), np.full(count, probability))
 
-    def chosen(self, measured: Bools) -> "ChosenNetworks":
-        """Return the networks with the choice for each component, (c,)."""
-        return ChosenNetworks(self.vertex, self.surface, measured)
+    def chosen(self, measured: Bools, impulsive: Bools) -> "ChosenNetworks":
+        """Return the networks with the choice for each component, (c,), and the vertices with impulsive noise, (n,)."""
+        return ChosenNetworks(self.vertex, self.surface, measured, impulsive)
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), using the network that the gate chooses for each component."""
-        return self.chosen(self.component_kinds(mesh).measured).vertices(mesh)
+        return self.chosen(self.component_kinds(mesh).measured, np.zeros(len(mesh.vertices), bool)).vertices(mesh)
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file. Equal models have equal bytes."""
@@ -75,28 +75,29 @@ class GatedCascades:
 
 
 class ChosenNetworks(NamedTuple):
-    """Two networks, and the components that are treated as measured surfaces, (c,)."""
+    """Two networks, and where they apply."""
 
     vertex: Cascade
     surface: Cascade
-    measured: Bools
+    measured: Bools  # (c,) components that are treated as measured surfaces
+    impulsive: Bools  # (n,) vertices of components with impulsive noise
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
         measured = self.measured[mesh.topology.face_components]
         if measured.any():
-            mesh = mesh.moved(with_part_moved(mesh, measured, partial(_denoised, self.surface)))
-        return with_part_moved(mesh, ~measured, partial(_denoised, self.vertex))
+            mesh = mesh.moved(with_part_moved(mesh, measured, partial(_denoised, self.surface), self.impulsive))
+        return with_part_moved(mesh, ~measured, partial(_denoised, self.vertex), self.impulsive)
 
 
-def _denoised(network: Cascade, mesh: Mesh) -> Vectors:
+def _denoised(network: Cascade, mesh: Mesh, impulsive: Bools) -> Vectors:
     """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
 
-    The later stages skip components without evidence.
+    Outliers are such evidence. The later stages skip components without evidence.
     """
     topology = mesh.topology
     known = [stage_normals(network.stages[0], mesh, mesh)]  # released after the first stage
-    evidence = noise_evidence(mesh, turning_angles(mesh, known[0]))
+    evidence = np.maximum(noise_evidence(mesh, turning_angles(mesh, known[0])), impulsive)
     noisy = np.isin(topology.face_components, topology.components[evidence > 0])
     if not noisy.all():
         known = [known[0][noisy]]

@@ -11,7 +11,7 @@ import numpy as np
 
 from cascadenorm.detection.gate import Treatment
 from cascadenorm.detection.segmentation_steps import without_voxel_faces
-from cascadenorm.detection.spikes import without_spikes
+from cascadenorm.detection.spikes import impulsive, without_outliers
 from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.drift import without_drift
@@ -57,10 +57,10 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     surface. Segmentations with thick slices and noise that folds faces over remain difficult. The networks were trained
     on generated shapes, so errors of a kind that none of these has may remain.
     """
-    mesh = without_spikes(mesh)
+    noisy, mesh = mesh, without_outliers(mesh)
     network: Learned | ChosenNetworks = loaded(model, "auto")
     if isinstance(network, GatedCascades):
-        network = network.chosen(network.component_kinds(mesh, treat_as).measured)
+        network = network.chosen(network.component_kinds(mesh, treat_as).measured, impulsive(noisy, mesh))
     return denoised(mesh, network, filtered=treat_as != "unknown")
 
 

@@ -5,7 +5,7 @@ import pytest
 from shapes import cube, cylinder, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
-from cascadenorm.detection.spikes import noise_spikes, without_spikes
+from cascadenorm.detection.spikes import impulsive, noise_spikes, outlier_offsets, without_outliers, without_spikes
 from cascadenorm.mesh import Mesh
 
 
@@ -53,6 +53,51 @@ def test_neighbouring_spikes_are_removed_one_after_the_other():
 def test_a_spike_on_a_surface_without_noise_is_shape():
     mesh = spiked(grid(20, 20), 3, 4.0)[0]
     assert without_spikes(mesh) is mesh
+
+
+@pytest.mark.parametrize("height", [0.2, 0.5, 3.0])
+@pytest.mark.parametrize("smooth", [icosphere(4), icosphere(4).moved(icosphere(4).vertices * (1, 1.5, 2))])
+def test_outliers_on_a_smooth_surface_return_to_it(smooth, height):
+    mesh, chosen = spiked(smooth, 3, height)
+    assert np.flatnonzero(outlier_offsets(mesh).any(axis=1)).tolist() == sorted(chosen)
+    left = np.linalg.norm(without_outliers(mesh).vertices - smooth.vertices, axis=1)
+    assert left.max() < 0.1 * smooth.mean_edge_length
+
+
+@pytest.mark.parametrize(
+    "mesh", [cube(6), cylinder(40), icosphere(4), grid(30, 30), noisy(icosphere(4), 0.15), noisy(cube(10), 0.05)]
+)
+def test_shapes_and_plain_noise_have_no_outliers(mesh):
+    assert without_outliers(mesh) is mesh
+
+
+def test_small_components_have_neither_spikes_nor_outliers():
+    rough = noisy(icosphere(4), 0.05)
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]) + 5.0
+    faces = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]) + len(rough.vertices)
+    both = Mesh(np.concatenate([rough.vertices, corners]), np.concatenate([rough.faces, faces]))
+    assert without_outliers(both) is both
+
+
+def test_noise_is_impulsive_where_many_vertices_are_outliers():
+    one, few = spiked(icosphere(4), 20, 0.5)[0], spiked(icosphere(4), 5, 0.5)[0]
+    both = Mesh(
+        np.concatenate([one.vertices, few.vertices + 5.0]), np.concatenate([one.faces, few.faces + len(one.vertices)])
+    )
+    found = impulsive(both, without_outliers(both))
+    np.testing.assert_array_equal(found, np.arange(len(found)) < len(one.vertices))
+
+
+def test_auto_removes_impulsive_noise_from_a_smooth_surface():
+    smooth, rng = icosphere(4), np.random.default_rng(0)
+    sizes = (
+        0.5
+        * smooth.mean_edge_length
+        * (rng.random(len(smooth.vertices)) < 0.03)
+        * rng.normal(size=len(smooth.vertices))
+    )
+    mesh = smooth.moved(smooth.vertices + sizes[:, None] * smooth.vertex_normals)
+    assert mean_angle(mesh.moved(cn.denoise(mesh).vertices), smooth) < 0.3 * mean_angle(mesh, smooth)
 
 
 def test_the_tip_of_a_cone_on_a_rough_plate_is_shape():

@@ -12,7 +12,7 @@ from sklearn.model_selection import KFold
 
 from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
 from cascadenorm.detection.gate import THRESHOLD, Gate
-from cascadenorm.detection.spikes import without_spikes
+from cascadenorm.detection.spikes import impulsive, without_outliers
 from cascadenorm.detection.triangulation import triangulation_figures
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
@@ -73,11 +73,11 @@ class Compared(NamedTuple):
 def compare_networks(vertex: Cascade, surface: Cascade, config: DatasetConfig, index: int) -> Compared:
     """Denoise a generated mesh with each of the networks."""
     made = pair(config, index)
-    mesh, known = without_spikes(made.noisy), np.flatnonzero(made.normals.any(axis=1))
+    mesh, known = without_outliers(made.noisy), np.flatnonzero(made.normals.any(axis=1))
     components = int(mesh.topology.components.max()) + 1
 
     def angle(measured: bool) -> float:
-        network = ChosenNetworks(vertex, surface, np.full(components, measured))
+        network = ChosenNetworks(vertex, surface, np.full(components, measured), impulsive(made.noisy, mesh))
         result = made.noisy.moved(denoised(mesh, network))
         return float(np.degrees(angles_between(result.face_normals[known], made.normals[known]).mean()))
 
