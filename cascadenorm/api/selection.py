@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.controls.weights import fixed_vertices, mask_weights, selected_faces, weights_of_attribute
+from cascadenorm.controls.weights import fixed_vertices, mask_weights, selected_faces
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
 from cascadenorm.registry.controls import Controls
@@ -99,6 +99,11 @@ def _mask(mask: Any, file: MeshFile) -> NDArray[Any]:
             parameter="mask",
         )
     return _reduce_copies(values, file.welds, np.minimum)
+
+
+def weights_of_attribute(values: NDArray[Any]) -> NDArray[Any]:
+    """Return a vertex attribute as weights. Bytes are divided by 255 unless none is above 1, as for bool."""
+    return values / 255 if values.dtype == np.uint8 and values.max(initial=0) > 1 else values
 
 
 def _fixed(fixed: Any, file: MeshFile) -> NDArray[Any]:

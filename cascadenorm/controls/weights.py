@@ -28,11 +28,6 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
     return weights
 
 
-def weights_of_attribute(values: NDArray[Any]) -> NDArray[Any]:
-    """Return a vertex attribute as weights. Bytes are divided by 255 unless none is above 1, as for bool."""
-    return values / 255 if values.dtype == np.uint8 and values.max(initial=0) > 1 else values
-
-
 def mask_weights(given: Any, count: int) -> NDArray[Any]:
     """Return (count,) weights from 0 to 1 at vertices; refuse other masks."""
     mask = np.asarray(given)

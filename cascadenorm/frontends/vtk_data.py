@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
 from cascadenorm.api.api import denoise
 from cascadenorm.api.regions.regions import denoise_regions
-from cascadenorm.controls.weights import weights_of_attribute
+from cascadenorm.api.selection import weights_of_attribute
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.polydata import vtk_array

@@ -50,17 +50,17 @@ def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:
     return compacted(mesh.vertices, mesh.faces[faces])
 
 
-def with_part_moved(mesh: Mesh, faces: Bools, moved: Callable[..., Vectors], *others: Vectors) -> Vectors:
+def with_part_moved(mesh: Mesh, faces: Bools, moved: Callable[..., Vectors], *others: NDArray[Any]) -> Vectors:
     """Return the vertices of a mesh, (n, 3), of which a function moves those of the given faces, whole components.
 
-    The function is called with the part of these faces, and with its rows of other positions, (n, 3).
+    The function is called with the part of these faces, and with its rows of other arrays, (n, …).
     """
     if faces.all():
         return moved(mesh, *others)
     vertices = mesh.vertices.copy()
     if faces.any():
         part, numbers = part_of(mesh, faces)
-        vertices[numbers] = moved(part, *(positions[numbers] for positions in others))
+        vertices[numbers] = moved(part, *(rows[numbers] for rows in others))
     return vertices
 
 

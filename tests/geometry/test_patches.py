@@ -244,7 +244,7 @@ def test_memory_on_the_command_line(place, capsys):
     assert run([*words, "-o", "whole.ply"]) == run([*words, "-o", "patches.ply", "--memory", "6500 B"]) == 0
     assert (place / "patches.ply").read_bytes() == (place / "whole.ply").read_bytes()
     assert run([*words, "-o", "a.ply", "--memory", "5 kB"]) == 2
-    assert "memory is 0 MB; 5,120 faces need at least 0 MB" in capsys.readouterr().err
+    assert "memory is 5,000 bytes; 5,120 faces need at least 6,020 bytes" in capsys.readouterr().err
     assert run([*words, "-o", "a.ply", "--memory", "much"]) == 2
     assert "memory is 'much'; it must be an amount of memory" in capsys.readouterr().err
     assert run(["denoise", "scan.ply", "-o", "a.ply", "--method", "fairing", "--memory", "1GB"]) == 2
@@ -260,7 +260,7 @@ def test_a_mesh_that_does_not_fit_is_denoised_in_patches_and_that_is_said(place,
     monkeypatch.setattr(api, "free_memory", lambda: 8500)
     assert run(["denoise", "scan.ply", "-o", "out.ply", "--method", "taubin"]) == 0
     said = capsys.readouterr().err
-    assert "scan.ply: taubin needs about 3 MB for 5,120 faces, and 0 MB are free: it is denoised in patches" in said
+    assert "taubin needs about 3 MB for 5,120 faces, and 8,500 bytes are free: it is denoised in patches" in said
 
 
 def test_which_methods_work_in_patches():
