@@ -7,9 +7,7 @@ from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, 
 from cascadenorm.mesh.vectors import Vector, add, divided, dot, length, row, subtract
 
 HIGH = 1.5  # least height of a spike above the mean of its neighbours, divided by their mean distance from that mean
-MOST_NEIGHBORS = (
-    10  # of a spike or next to an outlier; the tip of a tessellated cone and corners of CAD parts have more
-)
+MOST_NEIGHBORS = 10  # of a spike, or of the neighbours of an outlier; tips of cones and corners of CAD parts have more
 # Faces are not weighted by area, since the large faces of a neighbouring spike would dominate.
 FLAT_BASE = 0.6  # least length of the mean normal of the faces around the neighbours: the surface below is nearly flat
 UPRIGHT = 0.6  # least cosine of the angle between a spike and the normal of the surface below it
@@ -40,6 +38,8 @@ def noise_spikes(mesh: Mesh) -> Bools:
 
 def _standing(mesh: Mesh, found: Bools) -> Bools:
     """Return which of the found vertices, (n,), stand upright on a nearly flat surface of a component of some size."""
+    if not found.any():
+        return found
     topology, candidates = mesh.topology, np.flatnonzero(found)
     sizes = np.bincount(topology.face_components)
     candidates = candidates[sizes[topology.components[candidates]] >= FEWEST_FACES]
@@ -189,10 +189,11 @@ def _offset_range(
             continue
 
         # A quick estimate of the level and the offset rules out most vertices
-        mean, deviation, most = 0.0, 0.0, 0
+        mean, deviation, most, count = 0.0, 0.0, 0, 0
         for j in around:
             mean += heights[j] / len(around)
             most = max(most, neighbors.indptr[j + 1] - neighbors.indptr[j])
+            count += neighbors.indptr[j + 1] - neighbors.indptr[j]
         offset = (heights[i] - mean) / (1.0 + 1.0 / len(around))
         for j in around:
             deviation += abs(heights[j] - heights[i] + offset) / len(around)
@@ -200,9 +201,6 @@ def _offset_range(
         if most > MOST_NEIGHBORS or abs(offset) <= max(CLEARLY * deviation, least):
             continue
 
-        count = 0
-        for j in around:
-            count += neighbors.indptr[j + 1] - neighbors.indptr[j]
         nearby, count = np.empty(count), 0
         for j in around:
             for k in range(neighbors.indptr[j], neighbors.indptr[j + 1]):
