@@ -83,6 +83,11 @@ def bilateral_normals(
     return normals
 
 
+def steepness(sigma: float) -> float:
+    """Return 1 / (2 σ²), the factor of squared distances in a Gaussian; 0 for a spread whose square overflows."""
+    return 0.5 / (sigma * sigma)  # a power would raise OverflowError
+
+
 def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] | None = None) -> NDArray[Any]:
     """Area times Gaussian of the distance of centroids, for each neighbour in `rings`; σ_s is in mean edge lengths.
 
@@ -90,8 +95,7 @@ def spatial_weights(mesh: Mesh, rings: Csr, sigma_s: float, areas: NDArray[Any] 
     """
     areas = mesh.areas if areas is None else areas
     weights = np.empty(len(rings.indices), areas.dtype)
-    distance = sigma_s * mesh.mean_edge_length
-    spread = 0.5 / (distance * distance)
+    spread = steepness(sigma_s * mesh.mean_edge_length)
     parallel_for(len(mesh.faces), _spatial_weights, mesh.centroids, areas, rings, spread, weights)
     return weights
 
@@ -113,7 +117,7 @@ def joint_bilateral_pass(
     """
     out = np.empty_like(normals)
     given = normals if given is None else given
-    spread = 0.5 / (sigma_r * sigma_r)
+    spread = steepness(sigma_r)
     parallel_for(len(normals), _bilateral_pass, normals, guide, given, own, rings, weights, spread, out)
     return out
 
@@ -217,7 +221,7 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
     weights = spatial_weights(mesh, rings, sigma_s)
     count = len(mesh.faces)
     own = np.empty(count)
-    parallel_for(count, _to_difference, mesh.face_normals, rings, 0.5 / (sigma_r * sigma_r), weights, own)
+    parallel_for(count, _to_difference, mesh.face_normals, rings, steepness(sigma_r), weights, own)
     means = scipy.sparse.csr_array((weights, rings.indices, rings.indptr), (count, count))
     return scipy.sparse.csr_array(scipy.sparse.diags_array(own) + means)
 

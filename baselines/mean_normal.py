@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals
+from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals, steepness
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_rings, fit_vertices
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.patches.work import normals_by_patches
@@ -120,7 +120,7 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
     means: NDArray[np.float64] = normals
     for _ in range(length):
         following = np.empty_like(normals)
-        parallel_for(len(normals), _walk_step, means, normals, rings, 0.5 / (sigma_r * sigma_r), following)
+        parallel_for(len(normals), _walk_step, means, normals, rings, steepness(sigma_r), following)
         means = following
     return means
 

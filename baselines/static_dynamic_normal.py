@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass
+from cascadenorm.baselines.bilateral_normal import joint_bilateral_pass, steepness
 from cascadenorm.baselines.guided_normal import GuidedDistance, centroid_distance, faces_within, patch_guidance
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.execution.progress import track
@@ -82,8 +82,7 @@ class StaticDynamic:
         self.neighbors = faces_within(mesh, SPREADS_REACH * sigma_s)
         parallel_for(count, _sort_rows, self.neighbors)
         self.weights, spatial = np.empty(len(self.neighbors.indices)), np.empty(count)
-        distance = sigma_s * mesh.mean_edge_length
-        over_distance, over_guidance = 0.5 / (distance * distance), 0.5 / (sigma_g * sigma_g)
+        over_distance, over_guidance = steepness(sigma_s * mesh.mean_edge_length), steepness(sigma_g)
         arrays = mesh.centroids, mesh.areas, guidance, self.neighbors
         parallel_for(count, _pair_weights, *arrays, over_distance, over_guidance, self.weights, spatial)
         pairs = 0.5 * spatial.sum()  # each pair was added up from both sides
