@@ -64,10 +64,19 @@ def without_outliers(mesh: Mesh) -> Mesh:
     return mesh
 
 
+def outliers(mesh: Mesh) -> Bools:
+    """Return (n,) whether each vertex is a spike or another outlier."""
+    return _moved(mesh, without_outliers(mesh))
+
+
+def _moved(before: Mesh, after: Mesh) -> Bools:
+    return np.asarray((before.vertices != after.vertices).any(axis=1))
+
+
 def impulsive(noisy: Mesh, mesh: Mesh) -> Bools:
     """Return (n,) whether each vertex is in a component with impulsive noise, from which outliers were removed."""
     components = mesh.topology.components
-    shares = np.bincount(components, (noisy.vertices != mesh.vertices).any(axis=1)) / np.bincount(components)
+    shares = np.bincount(components, _moved(noisy, mesh)) / np.bincount(components)
     return np.asarray(shares[components] >= IMPULSIVE)
 
 

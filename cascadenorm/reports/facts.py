@@ -52,6 +52,7 @@ def _shape(found: Inspection) -> dict[str, str]:
         "surface": "closed" if found.closed else f"open, {counted(found.boundary_loops, 'boundary loop')}",
         "self-intersecting faces": count_of(found.crossing_faces),
         "spikes": count_of(found.spikes),
+        "outliers": count_of(found.outliers),
         "edges folded by more than 90°": f"{found.folded_edges:,}",
         "small components": count_of(found.small_components),
         "genus": "none" if found.genus is None else str(found.genus),

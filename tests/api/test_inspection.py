@@ -343,6 +343,19 @@ def test_one_is_said_otherwise_than_several(tmp_path, capsys):
         assert [text for text in said if text not in out] == [], out
 
 
+@pytest.mark.parametrize("flipped", [[], slice(0, 900)])
+@pytest.mark.parametrize("scale", [1e-150, 1.0])
+def test_an_outlier_that_auto_removes_is_a_finding_though_the_error_is_insignificant(flipped, scale):
+    ball = icosphere(5)
+    vertices, faces = ball.vertices.copy(), ball.faces.copy()
+    vertices[4321] *= 1 + 0.4 * ball.mean_edge_length
+    faces[flipped] = faces[flipped, ::-1]
+    found = inspect(vertices * scale, faces)
+    assert found.outliers == Found(1, (4321,)) and found.error.kind == "none"
+    moved = np.linalg.norm(cn.denoise((vertices, faces)) - vertices, axis=1)
+    assert moved.argmax() == 4321 and moved.max() > 0.3 * ball.mean_edge_length
+
+
 def test_every_finding_can_be_said_of_one_and_of_several():
     found = inspect(BALL)
     names = {name for name in Inspection.__dataclass_fields__ if isinstance(getattr(found, name), Found)}

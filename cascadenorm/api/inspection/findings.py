@@ -31,6 +31,10 @@ FINDINGS = {
     ),
     "crossing_faces": ("face intersects others", "faces intersect others"),
     "spikes": ("vertex is a spike", "vertices are spikes"),
+    "outliers": (
+        "vertex is an outlier, far off the surface around it, which auto moves back",
+        "vertices are outliers, far off the surface around them, which auto moves back",
+    ),
     "small_components": (
         "small component, of less than 1 % of the faces of the largest (denoise --drop-components leaves it out)",
         "small components, of less than 1 % of the faces of the largest (denoise --drop-components leaves them out)",

@@ -22,6 +22,7 @@ from cascadenorm.api.opened_files import detected_error
 from cascadenorm.detection.bumps import Bumps, bumps
 from cascadenorm.detection.error_kind import LEAST_ERROR, ErrorKind
 from cascadenorm.detection.noise_level import noise_level
+from cascadenorm.detection.spikes import outliers
 from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_count, small_components
@@ -99,6 +100,8 @@ class Inspection:
         Faces that cross others; None if not checked.
     spikes
         Vertices with an angle sum of less than 150°.
+    outliers
+        Vertices far off the surface around them, which `auto` moves back.
     folded_edges
         Number of edges whose two faces have normals more than 90° apart, such as edges of spikes and folds.
     small_components
@@ -154,6 +157,7 @@ class Inspection:
     nearly_coincident: Found = NONE_FOUND
     crossing_faces: Found | None = NONE_FOUND
     spikes: Found = NONE_FOUND
+    outliers: Found = NONE_FOUND
     folded_edges: int = 0
     small_components: Found = NONE_FOUND
     euler_characteristic: int = 0
@@ -255,6 +259,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
         "spikes": numbered.at_vertices(spikes(small)),
+        "outliers": numbered.at_vertices(outliers(facing)),
         "folded_edges": int(folded_edges(small).sum()),
         "small_components": numbered.at_faces(np.isin(every, small_components(mesh)[1])),
         "euler_characteristic": int(topology.used_vertices.sum()) - len(topology.edges) + len(mesh.faces),
