@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError, ReadError
+from cascadenorm.errors import OutputError, ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.libraries import explained
@@ -61,6 +61,8 @@ class MeshioFile(MeshFile):
     module: ClassVar[str]  # module of meshio
     needs = ("meshio", "meshio", "formats")
     made_with: ClassVar[dict[str, Any]] = {}  # options for writing content of other formats
+    holds_polygons: ClassVar[bool] = True  # whether faces may have more than four corners
+    holds_values: ClassVar[bool] = True  # whether vertices and faces may have values
     moving_loses: tuple[str, ...] = ("what meshio does not keep (title, layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
@@ -124,10 +126,17 @@ class MeshioFile(MeshFile):
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
-        """Write content with all values of vertices and faces. Faces are grouped by their number of corners."""
+        """Write content with the values of vertices and faces. Faces are grouped by their number of corners."""
         import meshio
 
         counts, polygons = content.polygons.counts, content.polygons
+        others = int((~np.isin(counts, (3, 4))).sum())
+        if others and not cls.holds_polygons:
+            raise OutputError(
+                f"the format '{cls.format}' holds triangles and quads only, and "
+                f"{counted(others, 'face has', 'faces have')} another number of corners",
+                hint="write ply, obj, off, vtk or vtu, or triangulate the mesh first",
+            )
         cells: list[tuple[str, NDArray[np.int64]]] = []
         chosen = [np.flatnonzero(counts == count) for count in np.unique(counts)]
         for rows in chosen:
@@ -140,7 +149,8 @@ class MeshioFile(MeshFile):
             point_data=dict(content.vertex_values),
             cell_data={name: [values[rows] for rows in chosen] for name, values in content.face_values.items()},
         )
-        lost = ["the order of the faces"] if (np.diff(counts) < 0).any() else []
+        lost = [] if cls.holds_values else content.lost_values()
+        lost += ["the order of the faces"] if (np.diff(counts) < 0).any() else []
         return [_written(grid, cls.module, cls.format, cls.made_with)], lost
 
 
@@ -180,6 +190,7 @@ class GmshFile(MeshioFile):
     """A Gmsh mesh. It is written in version 2.2, since meshio requires entities for later versions."""
 
     format, module = "msh", "gmsh"
+    holds_polygons = False
     made_with: ClassVar[dict[str, Any]] = {"fmt_version": "2.2"}
     moving_loses = ("what meshio does not keep of a Gmsh file (entities, versions after 2.2)",)
 
@@ -199,6 +210,7 @@ class AbaqusFile(MeshioFile):
     """Nodes and elements of an Abaqus input file. Steps and materials are lost when vertices move."""
 
     format, module = "inp", "abaqus"
+    holds_polygons = holds_values = False
     moving_loses = ("what meshio does not keep of an Abaqus file (all but nodes, elements and sets)",)
 
     def _load(self) -> Any:

@@ -25,6 +25,25 @@ STYLES = {
     "vtu": [{"binary": b} for b in (True, False)],
 }
 SINGLE = "digits of the positions beyond single precision"
+PLY_PENTAGON = b"""ply
+format ascii 1.0
+element vertex 5
+property float x
+property float y
+property float z
+property float heat
+property float quality
+element face 1
+property list uchar int vertex_indices
+property int label
+end_header
+0 0 0 1 2
+1 0 0 1 2
+1 1 0 1 2
+.5 1.5 0 1 2
+0 1 0 1 2
+5 0 1 2 3 4 7
+"""
 every_style = pytest.mark.parametrize(("format", "style"), [(f, s) for f in STYLES for s in STYLES[f]])
 
 
@@ -99,6 +118,20 @@ def test_conversion_keeps_values(format, source, tmp_path):
         assert np.array_equal(again.face_values[name], value[order])
     assert ("the order of the faces" in lost) == (order != np.arange(len(order))).any()
     assert io.write(cn.read(tmp_path / f"a.{format}"), tmp_path / "back.ply") == []
+
+
+def test_abaqus_files_name_the_values_that_they_lose(tmp_path):
+    values = ["vertex property 'heat'", "vertex property 'quality'", "face property 'label'"]
+    data = PLY_PENTAGON.replace(b"5 0 1 2 3 4 7", b"3 0 1 2 7")
+    assert io.write(read(data), tmp_path / "a.inp") == values
+
+
+@pytest.mark.parametrize("format", ["msh", "inp"])
+def test_polygons_that_a_format_cannot_hold_are_refused(format, tmp_path):
+    words = f"the format '{format}' holds triangles and quads only, and 1 face has another number of corners: write ply"
+    with pytest.raises(cn.OutputError, match=words):
+        io.write(read(PLY_PENTAGON), tmp_path / f"a.{format}")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
