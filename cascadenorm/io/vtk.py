@@ -3,8 +3,9 @@
 import copy
 import math
 import re
+import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import redirect_stderr
 from io import StringIO
 from pathlib import Path
@@ -68,6 +69,7 @@ class MeshioFile(MeshFile):
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         from meshio.vtu import _vtu
 
+        self._skipped: list[str] = []
         with explained(f"meshio cannot read this as {self.format}"), limited_expansion(len(self.data), _vtu):
             self._grid = self._load()
         points = np.asarray(self._grid.points)
@@ -99,7 +101,8 @@ class MeshioFile(MeshFile):
             if "not closed" in warning:  # meshio does not read the rest of a Gmsh file
                 raise ReadError(f"meshio cannot read this as {self.format}: {warning}")
             if SKIPPED.search(warning):
-                self.moving_loses = (*self.moving_loses, f"what meshio skipped ({warning})")
+                self._skipped.append(f"what meshio skipped ({warning})")
+        self.moving_loses = (*self.moving_loses, *self._skipped)
         return grid
 
     def _understood(self) -> bytes:
@@ -121,7 +124,7 @@ class MeshioFile(MeshFile):
         values, left_out = single_numbers(((name, [value]) for name, value in self._grid.point_data.items()), "point")
         cells = ((name, [blocks[i] for i in faces]) for name, blocks in self._grid.cell_data.items())
         face_values, others = single_numbers(cells, "cell")
-        left_out += others + (["points and lines"] if len(faces) < len(self._grid.cells) else [])
+        left_out += self._skipped + others + (["points and lines"] if len(faces) < len(self._grid.cells) else [])
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
     @classmethod
@@ -195,6 +198,10 @@ class GmshFile(MeshioFile):
     moving_loses = ("what meshio does not keep of a Gmsh file (entities, versions after 2.2)",)
 
     def _load(self) -> Any:
+        from meshio.gmsh import _gmsh22, _gmsh40, _gmsh41
+
+        for module in (_gmsh22, _gmsh40, _gmsh41):
+            module.cell_data_from_raw = _data_by_block
         grid = super()._load()
         grid.point_data.pop("gmsh:dim_tags", None)
         grid.cell_sets.pop("gmsh:bounding_entities", None)
@@ -219,12 +226,27 @@ class AbaqusFile(MeshioFile):
         return super()._load()
 
 
+def _data_by_block(cells: Sequence[Any], data: Mapping[str, NDArray[Any]]) -> dict[str, list[NDArray[Any]]]:
+    """Split data of elements into those of each block; meshio counts two elements in every block of a Gmsh file.
+
+    Data that only some elements have are skipped with a warning like those of meshio.
+    """
+    sizes = [len(block[1]) if isinstance(block, tuple) else len(block.data) for block in cells]
+    kept = {name: values for name, values in data.items() if len(values) == sum(sizes)}
+    for name in data:
+        if name not in kept:
+            print(f"Warning: skipping '{name}', which only some elements have", file=sys.stderr)
+    return {name: np.split(values, np.cumsum(sizes)[:-1]) for name, values in kept.items()}
+
+
 def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> bytes:
     import meshio
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"grid.{format}"
-        with explained(f"meshio cannot write {format}", OutputError, hint="choose ply"), redirect_stderr(StringIO()):
+        plain = np.printoptions(legacy="1.21")  # otherwise meshio writes "np.float64(1.5)" for 1.5 into a Gmsh text
+        said = explained(f"meshio cannot write {format}", OutputError, hint="choose ply")
+        with said, plain, redirect_stderr(StringIO()):
             getattr(meshio, module).write(path, grid, **options)
         return path.read_bytes()
 

@@ -501,6 +501,32 @@ def test_cells_that_meshio_skips_are_named(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("binary", [True, False])
+def test_data_of_gmsh_elements_of_several_kinds_are_kept(binary, tmp_path):
+    made = sheet()
+    with np.printoptions(legacy="1.21"):
+        meshio.gmsh.write(tmp_path / "a.msh", made, fmt_version="2.2", binary=binary)
+    file = cn.read(tmp_path / "a.msh")
+    order = [*made.cell_data["part"][0], *made.cell_data["part"][2]]
+    assert file.content().face_values["part"].tolist() == order
+    io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "b.msh")
+    again = cn.read(tmp_path / "b.msh").content()
+    assert again.face_values["part"].tolist() == order
+    assert again.vertex_values["heat"].tolist() == made.point_data["heat"].tolist()
+
+
+def test_data_that_only_some_elements_of_a_gmsh_file_have_are_named(tmp_path, capfd):
+    meshio.gmsh.write(
+        tmp_path / "a.msh", meshio.Mesh(SHEET.vertices, [("triangle", SHEET.faces)]), fmt_version="2.2", binary=False
+    )
+    few = b'$ElementData\n1\n"part"\n1\n0.0\n3\n0\n1\n1\n1 0.5\n$EndElementData\n'
+    (tmp_path / "a.msh").write_bytes((tmp_path / "a.msh").read_bytes() + few)
+    capfd.readouterr()
+    skipped = "what meshio skipped (skipping 'part', which only some elements have)"
+    assert io.write(cn.read(tmp_path / "a.msh"), tmp_path / "a.ply")[0] == skipped
+    assert capfd.readouterr() == ("", "")
+
+
 def test_freesurfer_surfaces_keep_every_byte_but_positions(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ball = icosphere(2)
