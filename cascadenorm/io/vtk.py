@@ -27,6 +27,7 @@ BESIDE = ("line", "vertex", "polyline", "poly_vertex")
 SKIPPED = re.compile(r"cannot handle|skipping|couldn't be processed", re.I)
 """Warnings of meshio about content that it does not read."""
 GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
+CELL_VALUES = re.compile(rb"^[ \t]*CELL_DATA[ \t]", re.M | re.I)
 
 NORMALS_LINE = re.compile(rb"^NORMALS(?=[ \t]+\S+[ \t]+\w+[ \t]*\r?$)", re.M | re.I)
 TEXTURE_LINE = re.compile(rb"^TEXTURE_COORDINATES[ \t]+(\S+)[ \t]+(\d+)[ \t]+(\w+)[ \t]*\r?$", re.M | re.I)
@@ -97,6 +98,8 @@ class MeshioFile(MeshFile):
             path.write_bytes(self._understood())
             grid = getattr(meshio, self.module).read(path)
         warnings = [text.strip(" .") for text in " ".join(said.getvalue().split()).split("Warning: ")[1:]]
+        if self.format == "vtk" and not grid.cell_data and CELL_VALUES.search(self.data):
+            warnings.append("Skipping the data of cells, some of which are polygons")
         for warning in dict.fromkeys(warnings):
             if "not closed" in warning:  # meshio does not read the rest of a Gmsh file
                 raise ReadError(f"meshio cannot read this as {self.format}: {warning}")

@@ -501,6 +501,15 @@ def test_cells_that_meshio_skips_are_named(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_polygons_of_a_legacy_grid_name_the_data_that_they_lose(tmp_path):
+    """Meshio does not read the data of cells if one of them is a polygon."""
+    io.write(read(PLY_PENTAGON), tmp_path / "a.vtk")
+    file = cn.read(tmp_path / "a.vtk")
+    skipped = "what meshio skipped (Skipping the data of cells, some of which are polygons)"
+    assert io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "b.vtk")[-1] == skipped
+    assert io.write(file, tmp_path / "a.ply") == [skipped]
+
+
 @pytest.mark.parametrize("binary", [True, False])
 def test_data_of_gmsh_elements_of_several_kinds_are_kept(binary, tmp_path):
     made = sheet()
