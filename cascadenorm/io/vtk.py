@@ -28,6 +28,7 @@ SKIPPED = re.compile(r"cannot handle|skipping|couldn't be processed", re.I)
 """Warnings of meshio about content that it does not read."""
 GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 CELL_VALUES = re.compile(rb"^[ \t]*CELL_DATA[ \t]", re.M | re.I)
+LZ4 = re.compile(rb"compressor\s*=\s*[\"']vtkLZ4DataCompressor")
 
 NORMALS_LINE = re.compile(rb"^NORMALS(?=[ \t]+\S+[ \t]+\w+[ \t]*\r?$)", re.M | re.I)
 TEXTURE_LINE = re.compile(rb"^TEXTURE_COORDINATES[ \t]+(\S+)[ \t]+(\d+)[ \t]+(\w+)[ \t]*\r?$", re.M | re.I)
@@ -190,6 +191,11 @@ class VtuFile(MeshioFile):
     """A VTU file."""
 
     format = module = "vtu"
+
+    def _load(self) -> Any:
+        if LZ4.search(self.data[:1000]):
+            raise ReadError("this vtu file is compressed with LZ4, which meshio does not read: write it with ZLib")
+        return super()._load()
 
 
 class GmshFile(MeshioFile):

@@ -147,6 +147,7 @@ def test_polygons_that_a_format_cannot_hold_are_refused(format, tmp_path):
         ("vtp", b'<VTKFile type="PolyData">', "VTK cannot read this as vtp"),
         ("msh", b"$MeshFormat\n", "meshio cannot read this as msh: ."),
         ("inp", b"*INCLUDE, INPUT=/etc/passwd\n", "includes other files, which are not read"),
+        ("vtu", b'<VTKFile type="UnstructuredGrid" compressor="vtkLZ4DataCompressor">', "is compressed with LZ4"),
         ("vtu", b"<VTKFile>", "meshio cannot read this as vtu"),
         ("vtu", b"\0\1\2", "meshio cannot read this as vtu"),
     ],
