@@ -332,6 +332,16 @@ def test_meshes_that_the_scene_does_not_show_are_named_and_all_are_there_if_it_s
     assert named not in whole.left_out and len(whole.positions) == 10
 
 
+def test_morph_targets_and_instances_are_named_where_other_formats_lose_them():
+    def more(found: dict) -> None:
+        primitive = found["meshes"][0]["primitives"][0]
+        primitive["targets"] = [{"POSITION": primitive["attributes"]["POSITION"]}]
+        found["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {}}}
+
+    named = ["morph targets", "instances of meshes (EXT_mesh_gpu_instancing)"]
+    assert set(changed(more).content().left_out) - set(read(gltf()).content().left_out) == {*named}
+
+
 @pytest.mark.parametrize("offset", [0, 2, 1942])
 @pytest.mark.parametrize("where", ["indices", "TEXCOORD_0", "targets"])
 def test_bytes_of_positions_that_are_others_as_well_are_refused(offset, where):

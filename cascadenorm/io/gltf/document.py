@@ -16,6 +16,7 @@ from cascadenorm.io.shown import LARGEST_ENTRY, Matrix, joined, placed
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
 KEPT_ELSEWHERE = ("materials", "textures", "animations", "skins", "cameras")
+INSTANCES = "EXT_mesh_gpu_instancing"
 LISTS = ("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes")
 """Names in a document with lists of objects."""
 
@@ -96,6 +97,10 @@ def document_content(
     accessors.claim(sum(3 * len(shape.positions.at) + shape.triangles.size for shape, _ in uses))
     shown = [placed(_shown(shape, accessors, positions_of(shape)), matrix) for shape, matrix in uses]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
+    if any(document["meshes"][shape.mesh]["primitives"][shape.number].get("targets") for shape in filled):
+        left_out.append("morph targets")
+    if any(INSTANCES in node.get("extensions", {}) for node in document.get("nodes", [])):
+        left_out.append(f"instances of meshes ({INSTANCES})")
     if len(filled) < len(shapes):
         left_out.append("points and lines")
     if meshes - {mesh for mesh, _ in places}:
