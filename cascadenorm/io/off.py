@@ -1,4 +1,4 @@
-"""OFF in text and its variants COFF, NOFF, STOFF and 4OFF: lines of vertices, then of polygons."""
+"""OFF in text with any of the prefixes ST, C, N and 4: lines of vertices, then of polygons."""
 
 import re
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, ranges
 
-OFF_HEADER = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST)?C?N?4?n?OFF|off)(?=[\s\d#]|\Z)")
+OFF_HEADER = re.compile(rb"(?:\s|#[^\r\n]*(?:[\r\n]|\Z))*((?:ST|C|N)*4?n?OFF|off)(?=[\s\d#]|\Z)")
 
 
 class OffFile(MeshFile):
@@ -59,17 +59,27 @@ class OffFile(MeshFile):
     def _moved_pieces(self) -> Iterable[Piece]:
         replaced = [(self._words[self._changed], self.positions[self._changed])]
         if "N" in self._flavour:
-            columns = self._text.columns(self._vertices, 3, start=4 if "4" in self._flavour else 3)
-            stored = self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
+            columns, stored = self._normals(4 * self._colors_first())
             normals, renewed = self._renewed(Normals(stored, self.triangles))
             replaced.append((columns[renewed].ravel(), normals[renewed].astype(np.float32).ravel()))
         return replace_words(self._text, *replaced)
 
+    def _normals(self, skipped: int = 0) -> tuple[Offsets, NDArray[np.float64]]:
+        """Return the words of the normals, which follow the positions and some skipped words, and their numbers."""
+        columns = self._text.columns(self._vertices, 3, start=3 + ("4" in self._flavour) + skipped)
+        return columns, self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
+
+    def _colors_first(self) -> bool:
+        """Whether four channels of colours precede the normals: NCOFF of VCG has them so, that of Open3D does not."""
+        if "NC" not in self._flavour or not len(self._vertices):
+            return False
+        return bool(np.isclose(np.linalg.norm(self._normals()[1], axis=1), 1, atol=0.01).mean() < 0.5)
+
     def _read_content(self) -> Content:
-        counts = self.polygons.counts
-        skipped = 3 + 3 * ("N" in self._flavour) + ("4" in self._flavour)
-        texture = 2 * ("ST" in self._flavour)  # they come last
-        colors = self._colors(self._vertices, np.full(len(self._vertices), skipped), after=texture)
+        counts, normals, colors_first = self.polygons.counts, 3 * ("N" in self._flavour), self._colors_first()
+        skipped = 3 + ("4" in self._flavour) + normals * (not colors_first)
+        after = 2 * ("ST" in self._flavour) + normals * colors_first  # texture coordinates come last
+        colors = self._colors(self._vertices, np.full(len(self._vertices), skipped), after=after)
         face_colors = self._colors(self._faces, 1 + counts)
         further = (self._text.stop - self._text.first)[self._faces] > 1 + counts
         left_out = {

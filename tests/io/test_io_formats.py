@@ -287,6 +287,25 @@ def test_colours_are_fractions_where_none_reaches_2():
             assert "alpha" not in values
 
 
+@pytest.mark.parametrize(
+    ("header", "values"),
+    [
+        (b"NCOFF", b"0 0 1 9 8 7 255"),  # as Open3D writes them
+        (b"NCOFF", b"9 8 7 255 0 0 1"),  # as VCG does
+        (b"CNOFF", b"0 0 1 9 8 7 255"),
+        (b"NCSTOFF", b"9 8 7 255 0 0 1 .5 .5"),
+        (b"STCN4OFF", b"1 0 0 1 9 8 7 255 .5 .5"),
+    ],
+)
+def test_normals_and_colours_of_an_off_are_known_in_any_order(header, values):
+    rows = [b"%d %d %d " % point + values for point in ((0, 0, 0), (1, 0, 0), (0, 1, 0))]
+    file = read(header + b"\n3 1 0\n" + b"\n".join(rows) + b"\n3 0 1 2\n")
+    channels = file.content().vertex_values
+    assert [channels[name].tolist() for name in channels] == [[9] * 3, [8] * 3, [7] * 3, [255] * 3]
+    turned = written(file.with_vertices(file.mesh.vertices @ np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)]).T))
+    assert turned.split(b"\n")[2].split()[3:] == values.replace(b"0 0 1", b"0.0 1.0 0.0").split()
+
+
 @pytest.mark.parametrize("kind", ["uchar", "short", "ushort", "int", "uint", "float", "double"])
 def test_colours_of_a_ply_are_bytes_in_any_type(kind):
     header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
