@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Iterable
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import PurePath
 
 import numpy as np
@@ -31,6 +31,8 @@ KEPT_ELSEWHERE = {
     "p": "points",
 }
 STATES = (b"o", b"g", b"usemtl", b"s")  # states that apply to all following faces
+REST_OF_LINE = re.compile(rb"(?:\\(?:\r\n|\r|\n)|[^\r\n])*")
+LINE_END = re.compile(rb"\\[\r\n]+")  # a backslash continues the line
 LABEL_KEYWORDS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
@@ -121,8 +123,11 @@ class ObjFile(MeshFile):
         return ObjFile(self.data + glue + b"\n".join(rows) + b"\n", self.folder)
 
     def _line(self, line: int) -> list[bytes]:
-        """Return the words of a line."""
-        return [self._text.word(word) for word in range(int(self._text.first[line]), int(self._text.stop[line]))]
+        """Return the words of a line with a keyword. Names may contain #, which begins a comment in other lines."""
+        keyword = self._text.first[line]
+        rest = REST_OF_LINE.match(self.data, int(self._text.ends[keyword]))
+        assert rest is not None  # it may be empty
+        return [self._text.word(keyword), *LINE_END.sub(b" ", rest[0]).split()]
 
     def refers_to(self) -> dict[str, bool]:
         """Return the names of material libraries and of their textures."""
@@ -181,7 +186,10 @@ class ObjFile(MeshFile):
         for keyword, kind in LABEL_KEYWORDS.items():
             lines = self._text.lines_with(keyword.encode())
             named = [[word.decode("utf-8", "replace") for word in self._line(line)[1:]] for line in lines.tolist()]
-            rows = [words if kind == "group" else [" ".join(words)] for words in named]
+            if kind == "group":  # several names, and then perhaps a comment
+                rows = [list(takewhile(lambda word: word != "#", words)) for words in named]
+            else:
+                rows = [[" ".join(words)] for words in named]
             of_faces = np.searchsorted(lines, self._faces) - 1  # the last such line before each face
             for place in range(max(map(len, rows), default=0)):
                 values = np.array([words[place] if place < len(words) else "" for words in rows])

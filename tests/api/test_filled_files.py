@@ -155,20 +155,21 @@ def obj(colors: str = "") -> bytes:
     return "\n".join(lines).encode()  # without an end of line
 
 
-def test_all_bytes_of_an_obj_stay_and_patches_are_of_the_group_around_them(tmp_path):
-    before = obj()
+@pytest.mark.parametrize("rust", ["rust", "#rust", "rust #25"])
+def test_all_bytes_of_an_obj_stay_and_patches_are_of_the_group_around_them(tmp_path, rust):
+    before = obj().replace(b"rust", rust.encode())
     file, done = filled(tmp_path, before, ".obj")
     assert done.left_out == () and file.data.startswith(before + b"\n")
     assert_closed(file.mesh)
     labels = {
         label.kind: np.where(label.of_faces < 0, "", label.values[label.of_faces]) for label in file.face_labels()
     }
-    assert set(labels["material"][:FACES]) == {"steel", "rust"}
+    assert set(labels["material"][:FACES]) == {"steel", rust}
     right = file.mesh.centroids[:, 0] > 0
     clear = np.abs(file.mesh.centroids[:, 0]) > 0.1
     clear[:FACES] = False
     assert clear.sum() > 10
-    np.testing.assert_array_equal(labels["material"][clear], np.where(right[clear], "rust", "steel"))
+    np.testing.assert_array_equal(labels["material"][clear], np.where(right[clear], rust, "steel"))
     np.testing.assert_array_equal(labels["group"][clear], np.where(right[clear], "right", "left"))
 
 

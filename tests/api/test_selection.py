@@ -166,6 +166,11 @@ usemtl b=2
 f 2 5 6 3
 g
 f 1 2 6
+o #1
+g \\
+  #a
+usemtl Material #25
+f 1 2 6
 """
 
 
@@ -180,6 +185,9 @@ f 1 2 6
         ("material=dark steel", [1]),
         ("b=2", [2, 3, 4]),
         ("material=b=2", [2, 3, 4]),
+        ("#1", [5]),
+        ("#a", [5]),
+        ("Material #25", [5]),
     ],
 )
 def test_obj_faces_have_materials_objects_and_groups(tmp_path, name, triangles):
@@ -191,7 +199,8 @@ def test_obj_faces_have_materials_objects_and_groups(tmp_path, name, triangles):
 def test_unknown_labels_are_answered_with_those_that_there_are(tmp_path, ball):
     (tmp_path / "things.obj").write_text(OBJ, encoding="ascii")
     there = (
-        r"'wheel'; there are: material=dark steel, material=b=2, object=a thing, group=left, group=right, group=wheels"
+        r"'wheel'; there are: material=dark steel, material=b=2, material=Material #25, object=a thing, object=#1, "
+        r"group=left, group=right, group=#a, group=wheels"
     )
     with pytest.raises(cn.ParameterError, match=rf"only matches no face with {there}"):
         labelled_faces(["wheel"], cn.read(tmp_path / "things.obj"))
