@@ -48,7 +48,9 @@ def fill_holes_file(
     added = len(mesh.faces) - len(file.mesh.faces)
     if added:
         patches = HolePatches(file, mesh)
-        left_out = lost + io.write(file.with_patches(patches), output, format=format, force=force) + patches.left_out
+        patched = file.with_patches(patches)
+        patched.mark = file.mark
+        left_out = lost + io.write(patched, output, format=format, force=force) + patches.left_out
     else:
         left_out = io.write(read, output, format=format, force=force)
     return Filling(

@@ -4,6 +4,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -47,6 +48,7 @@ class MeshFile(ABC):
     needs: ClassVar[tuple[str, str, str]] = ("", "", "")  # module, package and extra that the format requires
     _isolates = False
     _weld_distance = 0.0
+    mark = b""  # byte order mark that precedes `data`
     moving_loses: tuple[str, ...] = ()  # what is lost when vertices move, in words
 
     def __init__(self, data: bytes, folder: Path | None = None) -> None:
@@ -90,7 +92,7 @@ class MeshFile(ABC):
 
     def pieces(self) -> Iterable[Piece]:
         """Return the bytes of the file with its current positions, in pieces."""
-        return self._moved_pieces() if self.has_moved else [self.data]
+        return chain([self.mark], self._moved_pieces() if self.has_moved else [self.data])
 
     def files(self, path: Path, *, part_name: str = "{}") -> dict[Path, Iterable[Piece]]:
         """Return the files to write at a path, with it as the last; `part_name` is a pattern for other names."""
@@ -110,7 +112,7 @@ class MeshFile(ABC):
 
     def content(self) -> Content:
         """Return the content that other formats can store."""
-        here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
+        here = type(self)(b"".join(self._moved_pieces()), self.folder) if self.has_moved else self
         here._isolates = self._isolates
         return here._read_content().without_out_of_range()
 

@@ -99,8 +99,8 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     try:
         if not data:
             raise ReadError("the file is empty")
-        if not is_binary_stl(data):
-            data = data.removeprefix(codecs.BOM_UTF8)
+        mark = codecs.BOM_UTF8 if data.startswith(codecs.BOM_UTF8) and not is_binary_stl(data) else b""
+        data = data.removeprefix(mark)
         chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
@@ -115,7 +115,9 @@ def read(source: Source, format: str | None = None) -> MeshFile:
                 f"{f'{chosen!r} is' if chosen else 'the content is'} not a supported mesh format ({known}): "
                 "convert the file, or name its format if that is one of these"
             )
-        return kind(data, folder)
+        file = kind(data, folder)
+        file.mark = mark
+        return file
     except ReadError as error:
         raise error.within(name) from error.__cause__
 

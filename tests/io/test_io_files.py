@@ -8,7 +8,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from test_io import COFF, OBJ, OFF, PLY_TEXT, SAMPLES, SAMPLES_FORMAT, read, stl_binary
+from test_io import COFF, OBJ, OFF, PLY_TEXT, SAMPLES, SAMPLES_FORMAT, read, stl_binary, written
 
 from cascadenorm import io
 from cascadenorm.mesh import MeshError
@@ -216,6 +216,10 @@ def test_a_byte_order_mark_is_no_part_of_the_mesh(name):
     assert marked.format == plain.format
     np.testing.assert_array_equal(marked.positions, plain.positions)
     np.testing.assert_array_equal(marked.triangles, plain.triangles)
+    assert written(marked) == codecs.BOM_UTF8 + SAMPLES[name]
+    moved = [file.with_vertices(file.mesh.vertices + 1) for file in (marked, plain)]
+    assert written(moved[0]) == codecs.BOM_UTF8 + written(moved[1])
+    np.testing.assert_array_equal(moved[0].content().positions, moved[1].content().positions)
 
 
 def test_the_header_of_a_binary_stl_may_begin_as_it_likes():

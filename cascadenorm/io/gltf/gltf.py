@@ -285,7 +285,7 @@ class GltfFile(MeshFile):
         """Return this file in the other container without loss, or None for other formats."""
         if not issubclass(kind, GltfFile):
             return None
-        here = type(self)(b"".join(self.pieces()), self.folder) if self.has_moved else self
+        here = type(self)(b"".join(self._moved_pieces()), self.folder) if self.has_moved else self
         document, chunk = copy.deepcopy(here._document), None
         if document.get("buffers"):
             begin, end = here._buffers.place(0)
