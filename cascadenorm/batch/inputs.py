@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Container, Iterable, Iterator, Sequence
-from glob import glob, has_magic
+from contextlib import suppress
+from glob import escape, glob, has_magic
 from itertools import takewhile
 from os import PathLike
 from pathlib import Path, PurePath
@@ -135,7 +136,7 @@ def _state(path: Path) -> tuple[int, int | None]:
 def _files(place: str, skipped: list[str]) -> Iterable[Path]:
     """List the files of a source; add results of `denoise` beside their sources to `skipped`."""
     if has_magic(place) and not os.path.exists(place):
-        found = [Path(name) for name in sorted(glob(place, recursive=True))]
+        found = [Path(name) for name in sorted(set(_glob(place)))]
     elif os.path.isdir(place):
         found = []
         for parent, folders, inside in os.walk(place, onerror=_unlisted):
@@ -149,6 +150,32 @@ def _files(place: str, skipped: list[str]) -> Iterable[Path]:
     results = {path for path in files if _is_result(str(path), names)}
     skipped += sorted(map(str, results))
     return [path for path in files if path not in results]
+
+
+def _glob(pattern: str) -> Iterator[str]:
+    """Yield what a pattern matches, like `glob` with `recursive`, but without following links around in loops."""
+    parts = Path(pattern).parts
+    if "**" not in parts:
+        yield from glob(pattern)
+        return
+    at = parts.index("**")
+    for start in glob(os.path.join(*parts[:at])) if at else [""]:
+        for folder in _folders(start, ()):
+            yield from _glob(os.path.join(escape(folder), *(parts[at + 1 :] or ["*"])))
+
+
+def _folders(folder: str, outer: tuple[str, ...]) -> Iterator[str]:
+    """Yield a folder and those in it that are not hidden; a link to one of the folders around it is not followed."""
+    real = os.path.realpath(folder)
+    if real in outer:
+        return
+    yield folder
+    inside: list[str] = []
+    with suppress(OSError), os.scandir(folder or os.curdir) as entries:  # patterns skip folders that cannot be listed
+        shown = [entry for entry in entries if entry.name[0] != "."]
+        inside = [e.name for e in shown if (os.path.isdir(e.path) if e.is_symlink() else e.is_dir())]
+    for name in sorted(inside):
+        yield from _folders(os.path.join(folder, name), (*outer, real))
 
 
 def _is_result(name: str, names: Container[str]) -> bool:

@@ -30,6 +30,19 @@ def test_results_lie_as_the_files_do(place):
     assert [job.source for job in find_jobs("scans/b/[0].ply", Path("out"))] == ["scans/b/[0].ply"]
 
 
+def test_patterns_end_where_links_lead_back(place):
+    scans(place / "scans", 2)
+    (place / ".elsewhere").mkdir()
+    save_mesh(place / ".elsewhere" / "1.ply", BALL)
+    (place / "scans" / "linked").symlink_to(place / ".elsewhere")
+    for name in ("a", "b"):
+        (place / "scans" / name / "loop").symlink_to("..")
+        (place / "scans" / name / "itself").symlink_to("itself")
+    expected = ["scans/a/0.ply", "scans/b/0.ply", "scans/linked/1.ply"]
+    for pattern in ("scans/**/*.ply", "scans/**", "**/*.ply"):
+        assert sorted(job.source for job in find_jobs(pattern, Path("out"))) == expected
+
+
 def test_results_of_denoise_beside_their_sources_are_no_input(place, capsys):
     scans(place / "scans", 2)
     for name in ("a/0_denoised.ply", "a/0_denoised.stl", "b/other_denoised.ply"):
