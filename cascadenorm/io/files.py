@@ -136,11 +136,17 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
     if file.format != chosen:
         file = file.repacked(kind) or file
     if path and file.format == chosen and not is_special(path):
-        beside, lost = sidecar_files(file, path, force=force)
-        for copy in beside:
-            make_folder(copy.parent)
-        _write_files(file, path, beside, force=force)
-        return [*lost, *_lost(file)]
+        while True:
+            beside, lost = sidecar_files(file, path, force=force)
+            for copy in beside:
+                make_folder(copy.parent)
+            try:
+                _write_files(file, path, beside, force=force)
+            except OutputError:  # another process may have written the same texture in the meantime
+                if len(sidecar_files(file, path, force=force)[0]) == len(beside):
+                    raise
+            else:
+                return [*lost, *_lost(file)]
     pieces, lost = (file.pieces(), _lost(file)) if file.format == chosen else _encoded(file, kind)
     if path:
         write_atomically(path, pieces, force=force)

@@ -6,6 +6,7 @@ import pytest
 from test_io import OBJ, PLY_TEXT
 
 from cascadenorm import io
+from cascadenorm.io import files
 from cascadenorm.io.obj import textures
 
 MATERIALS = b"""newmtl steel\r
@@ -47,6 +48,20 @@ def test_materials_and_textures_follow_an_obj(place):
         "the file '../gloss.png' that it references",
         "the file 'maps/bumps.png' that it references",
     ]
+
+
+def test_materials_may_be_copied_by_another_process_in_the_meantime(place, monkeypatch):
+    """As happens in a batch of files that share a library."""
+
+    def meanwhile(folder) -> None:
+        folder.mkdir(exist_ok=True)
+        (place / "out" / "some materials.mtl").write_bytes(MATERIALS)
+
+    monkeypatch.setattr(files, "make_folder", meanwhile)
+    io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj")
+    assert names(place / "out") == ["b.obj", "maps/rust and dust.png", "some materials.mtl"]
+    with pytest.raises(io.OutputError, match=r"b.obj exists already"):
+        io.write(io.read(place / "in" / "a.obj"), place / "out" / "b.obj")
 
 
 def test_several_libraries_in_a_line_are_found_and_backslashes_are_slashes(place):
