@@ -1,7 +1,6 @@
 """Run methods on pairs of noisy and clean meshes and measure the results."""
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -16,7 +15,7 @@ from cascadenorm.api.api import check_weights
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.errors import ParameterError, ReadError
 from cascadenorm.evaluation.programs import TIMEOUT_S, checked_command
-from cascadenorm.evaluation.records import Records
+from cascadenorm.evaluation.records import Records, folder_name
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, FailedRun, Run, RunResult, clear_caches, run_task
 from cascadenorm.execution.cluster import LOCAL_CLUSTER, required_folder, use_cluster
 from cascadenorm.execution.process_map import parallel_map
@@ -28,6 +27,9 @@ from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 
 __all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "FailedRun", "RunResult", "evaluate"]
+
+MEAN = "mean"
+"""Name of the row of means among the pairs."""
 
 DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 
@@ -128,8 +130,9 @@ def evaluate(
     WorkerError
         A process or a worker of a cluster ended before its work was done.
     ReadError
-        There are no pairs, a folder of results is missing, several given pairs have the same name, or several folders
-        have the same name and results are given.
+        There are no pairs, a folder of results is missing, a pair is named "mean", several given pairs have the same
+        name or names that differ in slashes and underscores only, or several folders have the same name and results
+        are given.
     """
     checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
     methods = [methods] if isinstance(methods, str) else methods
@@ -180,7 +183,7 @@ def with_noise(
         except Exception as error:  # a damaged file, or a missing package for its format
             failures.append(FailedRun(pair.name, None, error))
             continue
-        place = folder / re.sub(r"[/\\]", "_", pair.name)
+        place = folder / folder_name(pair.name)
         place.mkdir(parents=True, exist_ok=True)
         for seed in range(seeds):
             name = f"{pair.name}-seed{seed}"
@@ -202,9 +205,7 @@ def _required_folder(runs: Sequence[Run]) -> str | None:
 
 
 def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[FilePair]:
-    if isinstance(folders, str | PathLike):
-        return find_pairs(folders)
-    given = list(folders)
+    given = [folders] if isinstance(folders, str | PathLike) else list(folders)
     pairs = [one for one in given if isinstance(one, FilePair)]
     others = [one for one in given if not isinstance(one, FilePair)]
     pairs += find_pairs(others)
@@ -213,6 +214,13 @@ def _pairs(folders: Paths | Iterable[FilePair | str | PathLike[str]]) -> list[Fi
     for name, count in Counter(pair.name for pair in pairs).items():
         if count > 1:
             raise ReadError(f"{count} pairs are named {name}: rename one, since results are listed by name")
+        if name == MEAN:
+            raise ReadError(f"a pair is named {name}: rename it, since the means are listed by this name")
+    folders_of: dict[str, str] = {}
+    for pair in pairs:
+        other = folders_of.setdefault(folder_name(pair.name), pair.name)
+        if other != pair.name:
+            raise ReadError(f"the results of the pairs {other} and {pair.name} belong into one folder: rename one")
     return pairs
 
 
@@ -282,7 +290,7 @@ def _mean(method: str, results: Sequence[RunResult]) -> RunResult:
         field.name: _average([getattr(result.measures, field.name) for result in results]) for field in fields(Measures)
     }
     return RunResult(
-        pair="mean",
+        pair=MEAN,
         method=method,
         measures=Measures(**means),  # type: ignore[arg-type]
         seconds=sum(result.seconds for result in results) / len(results),

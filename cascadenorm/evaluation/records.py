@@ -16,13 +16,18 @@ from cascadenorm.registry import find
 from cascadenorm.version import __version__
 
 
+def folder_name(pair: str) -> str:
+    """Return the name of the folder for a pair, whose own name may contain slashes."""
+    return pair.replace("/", "_").replace("\\", "_")
+
+
 class Records(NamedTuple):
     """A folder with one subfolder per pair, which contains `<method>.ply` and `<method>.json`."""
 
     folder: Path
 
     def mesh_file(self, pair: str, name: str) -> Path:
-        return self.folder / pair.replace("/", "_").replace("\\", "_") / f"{name}.ply"
+        return self.folder / folder_name(pair) / f"{name}.ply"
 
     def key(
         self, pair: FilePair, name: str, settings: Mapping[str, Any] | None, command: Sequence[str], file: Path | None

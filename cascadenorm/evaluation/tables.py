@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence, Set
 from statistics import mean, stdev
 from typing import NamedTuple
 
-from cascadenorm.evaluation.harness import Evaluation
+from cascadenorm.evaluation.harness import MEAN, Evaluation
 from cascadenorm.evaluation.runs import COLUMNS, NOISY, RunResult
 
 
@@ -67,9 +67,9 @@ def pair_table(done: Evaluation) -> Table:
     known = {(one.pair, one.method): one for one in [*done.results, *done.means]}
     names = [pair.name for pair in done.pairs] or list(dict.fromkeys(one.pair for one in done.results))
     rows = []
-    for pair in (*names, "mean"):
+    for pair in (*names, MEAN):
         of_pair = [known.get((pair, method)) for method in done.methods]
-        incomplete = done.partial if pair == "mean" else set()
+        incomplete = done.partial if pair == MEAN else set()
         cells = zip(done.methods, _cells(column, of_pair, incomplete), strict=True)
         rows.append((Cell(pair), *(_marked(cell, incomplete=method in incomplete) for method, cell in cells)))
     return Table(f"{column.title}, {column.unit}{PARTIAL_NOTE if done.partial else ''}", ("pair", *done.methods), rows)
@@ -172,7 +172,7 @@ def latex(tables: Sequence[Table]) -> str:
         lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * (len(table.head) - 1)}}}", r"\toprule"]
         lines += [" & ".join(map(_escaped, table.head)) + r" \\", r"\midrule"]
         for number, row in enumerate(table.rows):
-            if row[0].text == "mean" and number:
+            if row[0].text == MEAN and number:
                 lines.append(r"\midrule")
             cells = [rf"\textbf{{{_escaped(cell.text)}}}" if cell.best else _escaped(cell.text) for cell in row]
             lines.append(" & ".join(cells) + r" \\")

@@ -14,6 +14,7 @@ from cascadenorm.evaluation.harness import NOISY, evaluate
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import ReadError
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.io.pairs import find_pairs
 from cascadenorm.learned.methods import shipped
 from cascadenorm.registry import methods as registry
 
@@ -134,6 +135,15 @@ def test_results_without_a_folder_or_a_name_of_their_own_are_refused(folder, tmp
     other = shutil.copytree(folder / "ball", tmp_path / "ball")
     with pytest.raises(ReadError, match="several pairs are named ball"):
         evaluate([folder, other], methods=[], results={"theirs": tmp_path})
+
+
+def test_pairs_that_would_share_a_row_or_a_folder_are_refused(folder, tmp_path):
+    shutil.copytree(folder / "ball", tmp_path / "mean")
+    with pytest.raises(ReadError, match="a pair is named mean: rename it"):
+        evaluate(tmp_path, methods=[])
+    (one,) = find_pairs(folder / "ball")
+    with pytest.raises(ReadError, match="the results of the pairs a/b and a_b belong into one folder: rename one"):
+        evaluate([one._replace(name="a/b"), one._replace(name="a_b")], methods=[])
 
 
 def test_pairs_that_cannot_be_read_are_listed_and_the_rest_goes_on(folder, tmp_path, monkeypatch):
