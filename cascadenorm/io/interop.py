@@ -207,11 +207,15 @@ ADAPTERS = {
     ("meshio", "Mesh"): Adapter(_meshio_arrays, _meshio_moved),
 }
 
+OR_BLOCKS = "or denoise its blocks, by denoise_regions if they share walls"
 CONVERSIONS = {
     ("numpy", "ndarray"): "the faces too: (vertices, faces)",
     ("builtins", "list"): "the faces too: (vertices, faces)",
     ("trimesh", "Scene"): "scene.to_mesh()",
     ("pyvista", "UnstructuredGrid"): "its surface, grid.extract_surface().triangulate()",
     ("vtkmodules", "vtkUnstructuredGrid"): "its surface, by vtkGeometryFilter and vtkTriangleFilter",
+    ("pyvista", "MultiBlock"): f"its surface, blocks.combine().extract_surface().triangulate(), {OR_BLOCKS}",
+    ("vtkmodules", "vtkCompositeDataSet"): "its surface, by vtkCompositeDataGeometryFilter and vtkTriangleFilter, "
+    + OR_BLOCKS,
 }
 """How to convert other objects to a mesh, in words."""

@@ -369,6 +369,17 @@ def test_other_objects_are_refused():
         cn.denoise(pytest.importorskip("pyvista").Sphere().cast_to_unstructured_grid())
 
 
+def test_meshes_of_several_blocks_are_refused_with_what_to_do():
+    pyvista = pytest.importorskip("pyvista")
+    from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
+
+    blocks = r"MultiBlock is not a supported kind of mesh: pass its surface, blocks\.combine.* or denoise its blocks"
+    with pytest.raises(cn.MeshError, match=blocks):
+        cn.denoise(pyvista.MultiBlock([pyvista.Sphere()]))
+    with pytest.raises(cn.MeshError, match=r"Set is not .* by vtkCompositeDataGeometryFilter .* or denoise its blocks"):
+        cn.denoise(vtkMultiBlockDataSet())
+
+
 @pytest.mark.parametrize("mesh", [BALL, trimesh.creation.box(), "scan.ply", cn.from_arrays(BALL.vertices, BALL.faces)])
 def test_a_mesh_beside_faces_is_refused(mesh):
     with pytest.raises(cn.MeshError, match=f"vertices are of type {type(mesh).__name__}; .* without faces"):
