@@ -16,11 +16,14 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from cascadenorm.errors import ParameterError
+from cascadenorm.registry.controls import CONTROLS
 from cascadenorm.registry.parameters import Setting, declared
 
 if TYPE_CHECKING:  # lets the command line read declarations without loading numpy
     from cascadenorm.mesh import Mesh, Vectors
 
+RESERVED = {"mesh", "faces", "method", *CONTROLS}
+"""Names that a parameter of a method cannot have, since they are parameters of `denoise`."""
 REGION = "region"
 """Name of the parameter that receives the vertices that may move, (n,) bool, derived from the controls."""
 
@@ -185,6 +188,8 @@ def _settings(function: "Callable[..., Vectors]") -> dict[str, Setting]:
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
             continue
+        if name in RESERVED:
+            raise ParameterError(f"{function.__qualname__}: {name} is a setting of denoise: rename the parameter")
         kind, about = declared(f"{function.__qualname__}: {name}", hints.get(name))
         settings[name] = Setting(name, kind, parameter.default, about)
     return settings

@@ -1,5 +1,6 @@
 """Methods that are registered from outside the package."""
 
+import inspect
 import re
 from typing import Annotated
 
@@ -27,6 +28,19 @@ def test_a_parameter_without_a_declaration_is_refused_with_its_name(registered):
         @registered
         def mine(mesh, *, rounds=3):
             return mesh.vertices
+
+
+@pytest.mark.parametrize("name", ["strength", "mask", "method"])
+def test_a_parameter_that_is_named_as_a_setting_of_denoise_is_refused(registered, name):
+    def mine(mesh, **settings):
+        return mesh.vertices
+
+    first = inspect.Parameter("mesh", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    taken = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=1.0)
+    mine.__signature__ = inspect.Signature([first, taken])
+    with pytest.raises(ParameterError, match=f"mine: {name} is a setting of denoise: rename the parameter"):
+        registered(mine)
+    assert "mine" not in cn.methods()
 
 
 def test_a_flag_is_never_the_truth_of_a_text(registered):
