@@ -412,6 +412,19 @@ def test_counts_of_polydata_that_are_no_numbers_are_refused(tmp_path, capfd, cou
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("kind", [b"vtktypeint64", b"vtkIdType"])
+def test_cells_of_legacy_polydata_may_be_of_either_integer_type(kind, tmp_path):
+    """VTK writes vtkIdType for meshes that it has joined."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtk", binary=False)
+    data = (tmp_path / "a.vtk").read_bytes()
+    assert b" vtktypeint64" in data
+    file = read(data.replace(b"vtktypeint64", kind), "vtk")
+    assert np.array_equal(file.mesh.faces, read(data, "vtk").mesh.faces)
+    io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "b.vtk")
+    assert np.allclose(pyvista.read(tmp_path / "b.vtk").points, SHEET.vertices + 1)
+
+
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize("version", ["42", "51"])
 def test_cells_of_legacy_polydata_that_do_not_fit_together_are_refused(binary, version, tmp_path, capfd):
