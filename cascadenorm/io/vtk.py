@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import OutputError, ReadError, counted
+from cascadenorm.errors import OutputError, ReadError, counted, reason
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.libraries import explained
@@ -72,7 +72,8 @@ class MeshioFile(MeshFile):
         from meshio.vtu import _vtu
 
         self._skipped: list[str] = []
-        with explained(f"meshio cannot read this as {self.format}"), limited_expansion(len(self.data), _vtu):
+        problem = f"meshio cannot read this as {self.format}"
+        with explained(problem, said=_said), limited_expansion(len(self.data), _vtu):
             self._grid = self._load()
         points = np.asarray(self._grid.points)
         if points.ndim != 2 or points.shape[1] != 3:
@@ -246,6 +247,13 @@ def _data_by_block(cells: Sequence[Any], data: Mapping[str, NDArray[Any]]) -> di
         if name not in kept:
             print(f"Warning: skipping '{name}', which only some elements have", file=sys.stderr)
     return {name: np.split(values, np.cumsum(sizes)[:-1]) for name, values in kept.items()}
+
+
+def _said(error: Exception) -> str:
+    """Describe an error of meshio."""
+    if re.search(r"'(string|unicode_string)'", str(error), re.I):  # the type of an array, such as field data of PyVista
+        return "it holds an array of texts, which meshio does not know: remove it, or save the surface as vtp"
+    return reason(error)
 
 
 def _written(grid: Any, module: str, format: str, options: dict[str, Any]) -> bytes:

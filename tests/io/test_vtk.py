@@ -201,6 +201,15 @@ def test_grids_that_vtk_wrote_keep_arrays_of_all_types(version, binary, tmp_path
     np.testing.assert_allclose(found.point_data["colors"] * scale, grid.point_data["colors"], atol=0.01)
 
 
+@pytest.mark.parametrize("format", ["vtk", "vtu"])
+def test_texts_in_a_grid_are_refused_with_what_to_do(format, tmp_path):
+    grid = pytest.importorskip("pyvista").UnstructuredGrid({5: SHEET.faces}, SHEET.vertices)
+    grid.field_data["by"] = ["someone"]
+    grid.save(tmp_path / f"a.{format}")
+    with pytest.raises(io.ReadError, match=r"holds an array of texts, .* save the surface as vtp"):
+        cn.read(tmp_path / f"a.{format}")
+
+
 def test_volumes_are_refused(tmp_path):
     meshio.Mesh(np.eye(4)[:, :3], [("tetra", np.array([(0, 1, 2, 3)]))]).write(tmp_path / "a.vtu")
     with pytest.raises(io.ReadError, match="cells of type tetra: extract the surface"):
