@@ -36,7 +36,10 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
         copy = coarse_copy(mesh, SHARES[number] * width)
         sums += mesh.vertices if copy is None else copy.carried_over(mesh.vertices, denoise(copy))
     carried = np.where(mesh.topology.used_vertices[:, None], sums / len(SHARES), mesh.vertices)
-    return unfolded(mesh, bilateral_normal(mesh.moved(carried), iterations=FINISHING_PASSES))
+    moved = mesh.moved(carried)
+    if not moved.mean_edge_length**2 > 0:  # the method moved all vertices to one place
+        return carried
+    return unfolded(mesh, bilateral_normal(moved, iterations=FINISHING_PASSES))
 
 
 def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:

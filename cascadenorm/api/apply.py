@@ -289,10 +289,10 @@ def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: 
 
     Results in `known` are reused, and new results are appended to it.
     """
-    has_lengths = mesh.mean_edge_length**2 > 0  # else the vertices of each face coincide
-    times = math.ceil(strengths.max()) if has_lengths else 0
     displacement = np.zeros_like(mesh.vertices)
-    for time in track(times):
+    for time in track(math.ceil(strengths.max())):
+        if not mesh.mean_edge_length**2 > 0:  # the vertices of each face coincide
+            continue
         vertices = step(mesh) if known is None or time == len(known) else known[time]
         if known is not None and time == len(known):
             known.append(vertices)

@@ -37,6 +37,14 @@ def test_strength_times_weight_counts_applications(strength, weight):
     np.testing.assert_array_equal(out[:, 1:], BALL.vertices[:, 1:])
 
 
+def test_no_method_is_applied_again_to_a_mesh_that_it_has_moved_to_one_place():
+    def collapsed(mesh):
+        assert mesh.mean_edge_length > 0
+        return np.zeros_like(mesh.vertices)
+
+    np.testing.assert_array_equal(apply(collapsed, strength=3), apply(collapsed))
+
+
 @pytest.mark.parametrize("converges", [False, True])
 def test_another_strength_of_the_same_key_blends_what_is_known_and_gives_the_same_bytes(converges):
     calls = []

@@ -56,6 +56,11 @@ def test_the_ball_keeps_its_size():
     assert abs(np.linalg.norm(out.vertices, axis=1).mean() - 0.8) < 0.1 * STEPPED.mean_edge_length
 
 
+def test_a_method_may_move_all_vertices_to_one_place():
+    found = without_wide_errors(icosphere(2), 0.5, lambda copy: np.zeros_like(copy.mesh.vertices))
+    np.testing.assert_array_equal(found, 0)
+
+
 @pytest.mark.parametrize("method", ["bilateral-normal", "taubin", "l0"])
 def test_a_classical_method_sees_the_coarse_copy(method):
     plain = angle_to_ball(cn.denoise(STEPPED, method=method))
