@@ -20,7 +20,7 @@ from cascadenorm.geometry.laplacians import (
     laplacian_of,
 )
 from cascadenorm.geometry.sparse_solvers import solver_of_rings, solver_of_steps
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Mesh, Vectors, scatter_add
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]
@@ -30,6 +30,7 @@ DiffusionStep = Annotated[
 Moving = Annotated[VertexMask | None, Parameter("(n,) bool, the vertices that move. The others are fixed")]
 
 LARGEST_EIGENVALUE = 2.0  # eigenvalue of -Δ with uniform weights
+LONGEST = 1e6  # areas of the mesh, largest time of an implicit step of a flow; even long tubes become points in it
 MOST_STEPS = 10_000  # explicit steps that a call may be cut into
 
 logger = logging.getLogger(__name__)
@@ -143,19 +144,50 @@ def flowed(
     normals = mesh.vertex_normals[boundary]
 
     def velocity(vertices: Vectors) -> Vectors:
-        towards = -laplacian.apply(vertices)
+        towards = -laplacian.apply(vertices - drift(mesh, laplacian.mass, vertices, None))
         towards[boundary] = np.einsum("ij,ij->i", towards[boundary], normals)[:, None] * normals
         towards[held] = 0
         return towards
 
     if scheme == "implicit":
-        return mesh.vertices + time * diffuse(
-            laplacian, velocity(mesh.vertices), time=time, iterations=1, region=region
-        )
+        return mesh.vertices + implicit_moves(mesh, laplacian, velocity(mesh.vertices), time=time, region=region)
     cuts, vertices = _stable_cuts(laplacian.largest, time, 1, 1) if time else 0, mesh.vertices
     for _ in track(cuts):
         vertices = vertices + time / cuts * velocity(vertices)
     return vertices
+
+
+def implicit_moves(
+    mesh: Mesh, laplacian: Laplacian, velocity: Vectors, *, time: float, region: VertexMask | None
+) -> Vectors:
+    """Return the displacement (M + tS)⁻¹ tMv, (n, 3), of an implicit step from the velocity v, (n, 3), before it.
+
+    The velocity is zero outside the region and at vertices without a face. Steps longer than LONGEST act as LONGEST.
+    The mean displacement of a connected part is its mean velocity times the time, which is limited to the area of the
+    mesh, because the velocity falls to zero in about this time. It is set explicitly, since rounding would move parts
+    that are tiny compared with the step far away.
+    """
+    area = float(laplacian.mass.sum())
+    time = min(time, LONGEST * area)
+    inside = np.flatnonzero(laplacian.mass > 0 if region is None else region & (laplacian.mass > 0))
+    mass, moves = laplacian.mass[inside], np.zeros_like(velocity)
+    matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(mass) + time * laplacian.stiffness[inside][:, inside])
+    moves[inside] = solver_of_steps(matrix, laplacian.positions[inside])(time * mass[:, None] * velocity[inside])
+    return moves + drift(mesh, laplacian.mass, min(time, area) * velocity - moves, region)
+
+
+def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: VertexMask | None) -> Vectors:
+    """Return (n, 3) the mean velocity of the connected part of each vertex; 0 where fixed vertices hold the part.
+
+    The pulls on a part with creases need not cancel, and one that is tiny would fly off.
+    """
+    part = mesh.topology.components
+    whole = scatter_add(part, np.column_stack([mass, mass[:, None] * velocity]), int(part.max()) + 1)
+    masses, momenta = whole[:, :1], whole[:, 1:]
+    held = masses == 0
+    if region is not None:
+        held[part[~region]] = True
+    return np.asarray(np.where(held, 0.0, momenta / np.where(held, 1.0, masses))[part])
 
 
 def _stable_cuts(largest: float, time: float, iterations: int, order: Order) -> int:

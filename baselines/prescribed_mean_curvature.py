@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, diffused_vertex_normals
-from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse
+from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse, drift, implicit_moves
 from cascadenorm.execution.progress import track
-from cascadenorm.geometry.laplacians import VertexMask, cotangent_laplacian
+from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
@@ -70,24 +70,10 @@ def prescribed_mean_curvature(
         velocity -= drift(mesh, laplacian.mass, velocity, region)
         if region is not None:
             velocity[~region] = 0
-        moves = time * diffuse(laplacian, velocity, time=time, iterations=1, region=region)
+        moves = implicit_moves(mesh, laplacian, velocity, time=time, region=region)
         lengths = np.linalg.norm(moves, axis=1, keepdims=True)
         mesh = mesh.moved(mesh.vertices + moves * np.minimum(1, edge / np.maximum(lengths, 1e-300)))
     return mesh.vertices.copy()
-
-
-def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: VertexMask | None) -> Vectors:
-    """Return (n, 3) the mean velocity of the connected part of each vertex; 0 where fixed vertices hold the part.
-
-    The pulls on a part with creases need not cancel, and one that is tiny would fly off.
-    """
-    part = mesh.topology.components
-    whole = scatter_add(part, np.column_stack([mass, mass[:, None] * velocity]), int(part.max()) + 1)
-    masses, momenta = whole[:, :1], whole[:, 1:]
-    held = masses == 0
-    if region is not None:
-        held[part[~region]] = True
-    return np.asarray(np.where(held, 0.0, momenta / np.where(held, 1.0, masses))[part])
 
 
 def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:

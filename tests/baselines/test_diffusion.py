@@ -6,6 +6,7 @@ import pytest
 from scipy.linalg import eigh
 from shapes import grid, icosphere, noisy
 
+from cascadenorm.baselines.anisotropic_diffusion import anisotropic_diffusion
 from cascadenorm.baselines.diffusion import diffuse, laplacian, mean_curvature_flow
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry import sparse_solvers
@@ -140,6 +141,19 @@ def test_two_steps_rebuild_the_laplacian():
     ratio = (mesh.mean_edge_length / first.mean_edge_length) ** 2
     expected = mean_curvature_flow(first, step=0.3 * ratio, iterations=1)
     np.testing.assert_allclose(mean_curvature_flow(mesh, step=0.3, iterations=2), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("flow", [mean_curvature_flow, anisotropic_diffusion])
+@pytest.mark.parametrize("step", [1e2, 1e4, 1e20])
+def test_a_mesh_that_long_steps_collapse_stays_at_its_place(flow, step):
+    mesh = noisy(icosphere(2), 0.2)
+    assert abs(flow(mesh, step=step, iterations=6)).max() < 0.1
+
+
+@pytest.mark.parametrize("flow", [mean_curvature_flow, anisotropic_diffusion])
+def test_long_steps_do_not_throw_an_open_sheet_far_away(flow):
+    sheet = noisy(grid(10, 12), 0.2)
+    assert abs(flow(sheet, step=1e4, iterations=5)).max() < 2 * abs(sheet.vertices).max()
 
 
 def test_a_flat_disk_with_its_boundary_held_stays():
