@@ -7,7 +7,7 @@ import numpy as np
 
 from cascadenorm.geometry.spectra.harmonics import Scale, shape_dna
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.mesh import Floats, in_frame, without_lines
+from cascadenorm.mesh import Floats, without_lines
 
 EIGENVALUE_COUNT = 50
 
@@ -64,6 +64,4 @@ def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, sca
 
 
 def _values(source: Any, count: int, scale: Scale) -> Floats:
-    framed, exponent = in_frame(without_lines(as_mesh(source)))
-    values = shape_dna(framed, count, scale=scale)
-    return values if scale == "area" else np.asarray(np.ldexp(values, -2 * exponent))
+    return shape_dna(without_lines(as_mesh(source)), count, scale=scale)

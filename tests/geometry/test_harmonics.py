@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -7,6 +9,7 @@ from shapes import grid, icosphere, noisy
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.spectra import harmonics
+from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
 from cascadenorm.geometry.spectra.harmonics import manifold_harmonics, shape_dna
 from cascadenorm.mesh import Mesh, one_blas_thread
 
@@ -73,6 +76,22 @@ def test_dense_and_banded_agree_up_to_nothing_but_rounding(monkeypatch):
     banded = manifold_harmonics(mesh, 100)
     np.testing.assert_allclose(banded.values, dense.values, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(banded.vectors, dense.vectors, atol=1e-5)
+
+
+@pytest.mark.parametrize("factor", [2.0**-330, 2.0**330])
+@pytest.mark.parametrize("harmonics_of", [manifold_harmonics, partial(fast_harmonics, samples=30)])
+def test_harmonics_of_tiny_and_huge_meshes_are_those_of_the_mesh_scaled(harmonics_of, factor):
+    mesh = noisy(icosphere(2), 0.2)
+    found, expected = harmonics_of(mesh.moved(factor * mesh.vertices), 9), harmonics_of(mesh, 9)
+    np.testing.assert_allclose(found.values * factor**2, expected.values, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.vectors * factor, expected.vectors, atol=1e-9)
+    np.testing.assert_allclose(found.mass / factor**2, expected.mass, rtol=1e-9)
+
+
+def test_shape_dna_by_area_has_no_limit_of_scale():
+    mesh = noisy(icosphere(2), 0.2)
+    by_area = shape_dna(mesh.moved(1e-200 * mesh.vertices), 9, scale="area")
+    np.testing.assert_allclose(by_area, shape_dna(mesh, 9, scale="area"), rtol=1e-9, atol=1e-9)
 
 
 def test_shape_dna_knows_the_shape_but_neither_pose_nor_order_nor_size():

@@ -9,7 +9,7 @@ from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.geometry.spectra.farthest_points import spread_samples
 from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
-from cascadenorm.mesh import Csr, Mesh, one_blas_thread
+from cascadenorm.mesh import Csr, Mesh, in_frame, one_blas_thread
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # mean number of local functions at a point
@@ -47,6 +47,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     ParameterError
         `count` is out of range, or `samples` is less than `count`.
     """
+    mesh, exponent = in_frame(mesh)
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())
     check_count(count, available)
@@ -54,7 +55,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     if wanted < count:
         raise ParameterError(f"is {samples}; it must be at least the {count} harmonics", parameter="samples")
     if CROWDED * wanted >= available:
-        return manifold_harmonics(mesh, count)
+        return manifold_harmonics(mesh, count).scaled(exponent)
     centers, distances = spread_samples(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
     check_count(count, len(centers))
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
@@ -68,7 +69,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     mass = (basis.T @ (scipy.sparse.diags_array(laplacian.mass) @ basis)).toarray()
     with one_blas_thread():
         values, reduced = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, count - 1))
-    return Harmonics(np.maximum(values, 0.0), np.asarray(basis @ reduced), laplacian.mass)
+    return Harmonics(np.maximum(values, 0.0), np.asarray(basis @ reduced), laplacian.mass).scaled(exponent)
 
 
 def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> "scipy.sparse.csr_array":

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import Factorisation
-from cascadenorm.mesh import Mesh, one_blas_thread
+from cascadenorm.mesh import Mesh, in_frame, one_blas_thread
 
 BAND = 60  # eigenpairs around one shift
 EIGENVALUE_TOLERANCE = 1e-10  # relative residual of the inverse; the error is of the order of its square
@@ -41,6 +41,11 @@ class Harmonics(NamedTuple):
         with one_blas_thread():
             return np.asarray(self.vectors @ coefficients)
 
+    def scaled(self, exponent: int) -> "Harmonics":
+        """Return the harmonics of the mesh enlarged by 2**exponent."""
+        values, vectors = np.ldexp(self.values, -2 * exponent), np.ldexp(self.vectors, -exponent)
+        return Harmonics(values, vectors, np.ldexp(self.mass, 2 * exponent))
+
 
 def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = "free") -> Harmonics:
     """Return the lowest eigenpairs of the cotangent Laplacian.
@@ -69,6 +74,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
     """
     if boundary not in ("free", "fixed"):
         raise ParameterError(f"is {boundary!r}; it must be free or fixed", parameter="boundary")
+    mesh, exponent = in_frame(mesh)
     laplacian = cotangent_laplacian(mesh)
     free = laplacian.mass > 0
     if boundary == "fixed":
@@ -86,7 +92,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
     for column, (i, k) in enumerate(owners[lowest]):
         vectors[parts[i], column] = pairs[i][1][:, k]
     vectors *= np.where(vectors[abs(vectors).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
-    return Harmonics(np.maximum(all_values[lowest], 0.0), vectors, laplacian.mass)
+    return Harmonics(np.maximum(all_values[lowest], 0.0), vectors, laplacian.mass).scaled(exponent)
 
 
 def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pairs:
@@ -123,8 +129,9 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.fl
     """
     if scale not in ("keep", "area"):
         raise ParameterError(f"is {scale!r}; it must be keep or area", parameter="scale")
-    values = manifold_harmonics(mesh, count).values
-    return values * mesh.area if scale == "area" else values
+    framed, exponent = in_frame(mesh)
+    values = manifold_harmonics(framed, count).values
+    return values * framed.area if scale == "area" else np.asarray(np.ldexp(values, -2 * exponent))
 
 
 def check_count(count: int, available: int) -> None:
