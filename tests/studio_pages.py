@@ -8,6 +8,8 @@ from browsers import Browser, webdriver
 from shapes import icosphere, noisy
 
 ROUGH = noisy(icosphere(3), 0.2)
+LONGEST_WAIT_S = 1200.0
+"""Limit of a wait, for what never comes, such as the answer to a lost event. Machines under load are slow."""
 DROP = """
 const data = new DataTransfer();
 for (const [name, text] of arguments[0]) {
@@ -33,12 +35,27 @@ class Page(Browser):
         found = (
             "const {state, answers} = document.getElementById('studio').dataset; return [state, Number(answers ?? 0)]"
         )
-        while (told := self.js(found))[0] != state or (more and told[1] <= self.answers):
-            ended = state != "ended" and self.studio.process.poll() is not None
-            assert not ended, (told, self.answers, self.one(".side").text)
-            time.sleep(0.02)
-        self.answers = told[1]
+
+        def told():
+            shown, answers = self.js(found)
+            return [answers] if shown == state and not (more and answers <= self.answers) else None
+
+        aim = f"the state {state}, with more than {self.answers} answers" if more else f"the state {state}"
+        self.answers = self.until(told, aim, running=state != "ended")[0]
         self.settle()
+
+    def until(self, reached, aim, *, running=True):
+        """Return the first true result of a function; fail if the studio ends before, unless it may, or at a limit."""
+        limit = time.monotonic() + LONGEST_WAIT_S
+        while not (found := reached()):
+            assert not running or self.studio.process.poll() is None, (f"the studio ended before {aim}", self.text())
+            assert time.monotonic() < limit, (f"the page did not reach {aim}", self.text())
+            time.sleep(0.02)
+        return found
+
+    def text(self):
+        """What the page shows."""
+        return self.one("#studio").text
 
     def begun(self):
         """Wait until the answer to a change is shown."""
@@ -67,10 +84,7 @@ class Page(Browser):
     def said(self, selector, pattern):
         """Wait until a text is there."""
         text = "return document.querySelector(arguments[0]).innerText"
-        while not (found := re.search(pattern, self.js(text, selector))):
-            assert self.studio.process.poll() is None, self.one("#studio").text
-            time.sleep(0.02)
-        return found[0]
+        return self.until(lambda: re.search(pattern, self.js(text, selector)), f"the text {pattern}")[0]
 
     def drag(self, start, *steps):
         """Press at a place of the canvas, in pixels from its middle, and drag along steps."""

@@ -2,10 +2,10 @@
 
 import re
 import shlex
-import time
 
 import numpy as np
 import pytest
+import studio_pages
 from browsers import needs_browser, webdriver
 from selenium.webdriver.common.keys import Keys
 from shapes import grid, noisy
@@ -24,8 +24,7 @@ def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
     page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
     page.driver.get_log("browser"), page.driver.get_log("performance")
     page.at(studio).wait("empty")
-    while not page.one(".zone").is_displayed():
-        time.sleep(0.02)
+    page.until(page.one(".zone").is_displayed, "a place to drop a mesh")
     page.drop(tmp_path / "rough.ply")
     page.wait()
     assert not page.one(".zone").is_displayed()
@@ -47,8 +46,7 @@ def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
     page.fill("#saving-name", "smooth.obj")
     page.press_button("Download")
     page.said(".saving [role=status]", "Downloaded as smooth.obj")
-    while not (tmp_path / "smooth.obj").exists():
-        time.sleep(0.05)
+    page.until((tmp_path / "smooth.obj").exists, "the downloaded file")
     cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.obj", method="laplacian", strength=0.5)
     assert (tmp_path / "smooth.obj").read_bytes() == (tmp_path / "same.obj").read_bytes()
 
@@ -102,8 +100,7 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path / "copies")}
     )
     line.find_element("css selector", "a").click()
-    while not (tmp_path / "copies" / "rough_denoised.ply").exists():
-        time.sleep(0.05)
+    page.until((tmp_path / "copies" / "rough_denoised.ply").exists, "the copy")
     assert (tmp_path / "copies" / "rough_denoised.ply").read_bytes() == saved
 
     page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
@@ -300,6 +297,14 @@ def test_on_a_phone_the_page_is_as_wide_as_the_phone_and_its_head_is_low(page, n
 
 
 @needs_browser
+def test_a_wait_for_what_never_comes_ends_and_says_so(page, named, monkeypatch):
+    page.at(named).wait()
+    monkeypatch.setattr(studio_pages, "LONGEST_WAIT_S", 0.1)
+    with pytest.raises(AssertionError, match="did not reach the state shown, with more than 1 answers"):
+        page.begun()
+
+
+@needs_browser
 def test_controls_of_the_studio_have_names_and_are_reached_by_keys(page, named):
     page.at(named).wait()
     nameless = page.js(
@@ -324,8 +329,7 @@ def test_a_million_faces_are_shown_whole(page, tmp_path):
     studio = Studio("million.ply", folder=tmp_path)
     try:
         page.at(studio)
-        while not page.js("return document.querySelector('#viewer canvas')"):
-            time.sleep(0.02)
+        page.until(lambda: page.js("return document.querySelector('#viewer canvas')"), "a canvas")
         page.settle()
         assert not page.one(".decimated").is_displayed()
         picture = page.canvas()
