@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Bools, Ints32, scatter_add
+from cascadenorm.compute.arrays import Ints32, scatter_add
 from cascadenorm.compute.csr import Csr, grouped, joined_rows
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
@@ -117,10 +117,17 @@ class Topology:
 
         Faces are connected across the edges that are true in `across`, (e,); None selects all edges.
         """
-        labels = np.arange(self.faces.size, dtype=np.int32)
-        joins = np.ones(len(self.edges), bool) if across is None else across
-        _label_fans(self.faces, self.face_edges, self.edge_faces, joins, labels)
-        return labels
+        # Sides in the order of their edges, with the corners at the lower and at the higher end of each
+        sides = np.argsort(self.face_edges, axis=None, kind="stable")
+        edges, start, ahead = self.face_edges.ravel()[sides], sides, sides - sides % 3 + (sides + 1) % 3
+        falls = self.faces.ravel()[start] > self.faces.ravel()[ahead]
+        lower, higher = np.where(falls, ahead, start), np.where(falls, start, ahead)
+
+        joins = edges[1:] == edges[:-1]
+        if across is not None:
+            joins &= across[edges[1:]]
+        links = [np.stack([corners[:-1], corners[1:]], axis=1)[joins] for corners in (lower, higher)]
+        return connected_components(np.concatenate(links), self.faces.size)
 
     @cached_property
     def used_vertices(self) -> NDArray[np.bool_]:
@@ -183,54 +190,11 @@ def connected_components(links: NDArray[Any], count: int) -> Ints32:
 
 
 @kernel
-def root_of(labels: Ints32, node: np.int32) -> np.int32:
-    """Return the root of a node's union-find tree, halving the path to it; each label is at most its node."""
-    while labels[node] != node:
-        labels[node] = labels[labels[node]]
-        node = labels[node]
-    return node
-
-
-@kernel
 def _label(links: Ints32, labels: Ints32) -> None:
     """Find components by union-find: until they are numbered, each label is the node itself or a lower node."""
     for k in range(len(links)):
-        _unite(labels, links[k, 0], links[k, 1])
-    _number_roots(labels)
-
-
-@kernel
-def _label_fans(faces: Ints32, face_edges: Ints32, around: Csr, across: Bools, labels: Ints32) -> None:
-    """Find the fans of corners by union-find, as `_label` does: faces that follow each other at an edge connect."""
-    for e in range(len(across)):
-        if not across[e]:
-            continue
-        last_face, last_side, last_low, last_high = -1, -1, np.int32(0), np.int32(0)
-        for k in range(around.indptr[e], around.indptr[e + 1]):
-            f = around.indices[k]
-            side = last_side + 1 if f == last_face else 0  # a face that repeats a vertex may have two sides at an edge
-            while face_edges[f, side] != e:
-                side += 1
-            low, high = np.int32(3 * f + side), np.int32(3 * f + (side + 1) % 3)
-            if faces[f, side] > faces[f, (side + 1) % 3]:
-                low, high = high, low  # the corner at the lower vertex
-            if last_face >= 0:
-                _unite(labels, last_low, low)
-                _unite(labels, last_high, high)
-            last_face, last_side, last_low, last_high = f, side, low, high
-    _number_roots(labels)
-
-
-@kernel
-def _unite(labels: Ints32, one: np.int32, other: np.int32) -> None:
-    """Join two trees; the lower root remains one."""
-    a, b = root_of(labels, one), root_of(labels, other)
-    labels[max(a, b)] = min(a, b)
-
-
-@kernel
-def _number_roots(labels: Ints32) -> None:
-    """Number the trees by their first nodes, and give each node the number of its tree."""
+        one, other = _root_of(labels, links[k, 0]), _root_of(labels, links[k, 1])
+        labels[max(one, other)] = min(one, other)
     count = 0
     for i in range(len(labels)):
         if labels[i] == i:
@@ -238,3 +202,12 @@ def _number_roots(labels: Ints32) -> None:
             count += 1
         else:
             labels[i] = labels[labels[i]]
+
+
+@kernel
+def _root_of(labels: Ints32, node: np.int32) -> np.int32:
+    """Return the root of a node's tree, halving the path to it."""
+    while labels[node] != node:
+        labels[node] = labels[labels[node]]
+        node = labels[node]
+    return node

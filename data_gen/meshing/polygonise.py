@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import Lattice, trilinear
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
-from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Mesh, Vectors, connected_components, scatter_add, unit
 
 FLAT_SCATTER = 0.08
 """Planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge."""
@@ -153,10 +152,8 @@ def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:
     same = keys[order][1:] == keys[order][:-1]
     first, second = order[:-1][same] // 3, order[1:][same] // 3
     together = (cells[first] == cells[second]).all(axis=1)
-    links = (np.ones(together.sum(), np.int8), (first[together], second[together]))
-    graph = sparse.coo_matrix(links, (len(triangles), len(triangles)))
-    count, labels = sparse.csgraph.connected_components(graph, directed=False)
-    return labels, int(count)
+    labels = connected_components(np.stack([first, second], axis=1)[together], len(triangles))
+    return labels, int(labels.max()) + 1
 
 
 def meeting_points(
