@@ -36,15 +36,6 @@ def fair(
     return mesh.vertices.copy()
 
 
-def grown(mesh: Mesh, region: VertexMask, *, rings: int) -> VertexMask:
-    """Dilate a region by the given number of rings."""
-    region, (i, j) = region.copy(), mesh.topology.edges.T
-    for _ in range(rings):
-        touched = region[i] | region[j]
-        region[i[touched]] = region[j[touched]] = True
-    return region
-
-
 def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: Order) -> tuple[Any, Any]:
     """Return the matrix S (W S)^(order - 1), and a solver for its submatrix inside the region.
 

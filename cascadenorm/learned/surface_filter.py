@@ -6,7 +6,6 @@ import numpy as np
 
 from cascadenorm.baselines.bilateral_normal import bilateral_normal, bilateral_normals
 from cascadenorm.baselines.vertex_update import recover_vertices
-from cascadenorm.geometry.fairing import grown
 from cascadenorm.geometry.patches.work import normals_by_patches
 from cascadenorm.geometry.quadrics import quadric_normals
 from cascadenorm.learned.features import component_means, component_sums, openness
@@ -80,8 +79,10 @@ def _recovered(mesh: Mesh, normals: Vectors) -> Vectors:
     """Return the vertices, (n, 3), for normals that are averaged with those of quadrics at the boundary."""
     boundary = mesh.topology.boundary_vertices
     if boundary.any():
-        at, near = (np.flatnonzero(grown(mesh, boundary, rings=rings)[mesh.faces].any(axis=1)) for rings in (0, 1))
+        at = boundary[mesh.faces].any(axis=1)
+        around = np.isin(mesh.faces, mesh.faces[at]).any(axis=1)
         given, normals = normals, normals.copy()
-        for share, faces in zip(QUADRIC_SHARES, (at, np.setdiff1d(near, at)), strict=True):
+        for share, chosen in zip(QUADRIC_SHARES, (at, around & ~at), strict=True):
+            faces = np.flatnonzero(chosen)
             normals[faces] = unit((1 - share) * given[faces] + share * quadric_normals(mesh, given, faces))
     return recover_vertices(mesh, normals, sweeps=SWEEPS)
