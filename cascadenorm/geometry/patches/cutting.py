@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -88,9 +87,7 @@ class Cutter:
 
     def __init__(self, points: Vectors, depth: int) -> None:
         self.count = 1 << depth
-        self._order = np.arange(len(points), dtype=np.int32)
-        _halve(points, self._order, depth)
-        self._starts = _starts(len(points), depth)
+        self._boxes = _halved(points, np.arange(len(points), dtype=np.int32), depth)
         self._place = np.full(len(points), -1, np.int32)
 
     def patch(
@@ -101,7 +98,7 @@ class Cutter:
         The mesh may have moved since the boxes were created. `facts` and `components`, (n,), are as in `MeshPatch`.
         """
         faces, around, place = mesh.faces, mesh.topology.vertex_faces, self._place
-        seeds = self._order[self._starts[number] : self._starts[number + 1]]
+        seeds = self._boxes[number]
         seeds = seeds[around.indptr[seeds + 1] > around.indptr[seeds]]  # vertices without a face belong to no patch
         near = _grown(faces, around, seeds, rings, place)
         near.sort()
@@ -121,27 +118,17 @@ def without_positions(patch: MeshPatch) -> MeshPatch:
     return replace(patch, vertices=patch.vertices[:0], complete=patch.complete[:0])
 
 
-def _halve(points: Vectors, order: Ints32, depth: int) -> None:
-    """Reorder point indices in place so that each of the 2**depth parts of `order` lies in its own box."""
+def _halved(points: Vectors, order: Ints32, depth: int) -> list[Ints32]:
+    """Return the point indices `order` in 2**depth parts, one for each box; they are reordered in place."""
     if depth == 0:
-        return
+        return [order]
     mine = points[order]
     along = mine[:, int(np.argmax(np.ptp(mine, axis=0)))] if len(mine) else mine[:, 0]
     middle = len(order) // 2
     if len(order) > 1:
         order[:] = order[np.argpartition(along, middle)]
     del mine, along
-    _halve(points, order[:middle], depth - 1)
-    _halve(points, order[middle:], depth - 1)
-
-
-def _starts(count: int, depth: int) -> Ints:
-    """Return the (2**depth + 1,) boundaries of the parts that `_halve` creates."""
-    starts = [0, count]
-    for _ in range(depth):
-        middles = [first + (last - first) // 2 for first, last in pairwise(starts)]
-        starts = [*(start for pair in zip(starts[:-1], middles, strict=True) for start in pair), count]
-    return np.array(starts)
+    return [*_halved(points, order[:middle], depth - 1), *_halved(points, order[middle:], depth - 1)]
 
 
 @kernel
