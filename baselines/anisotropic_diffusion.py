@@ -1,4 +1,4 @@
-"""Anisotropic geometric diffusion: full along creases, little across (Clarenz et al. 2000; Bajaj & Xu 2003)."""
+"""Anisotropic geometric diffusion: strong along creases, weak across them (Clarenz et al. 2000; Bajaj & Xu 2003)."""
 
 import math
 from typing import Annotated
@@ -37,7 +37,7 @@ def anisotropic_diffusion(
 ) -> Vectors:
     """Diffuse the vertices along creases but little across them, by a tensor that follows the curvature.
 
-    A boundary moves off the surface only (see `flowed`).
+    Boundary vertices move perpendicular to the surface only (see `flowed`).
 
     Formula
     -------
@@ -46,8 +46,8 @@ def anisotropic_diffusion(
 
     Limits
     ------
-    An edge shrinks along itself where it is curved, and corners are rounded. Noise whose
-    curvature exceeds the threshold is kept as a feature is.
+    Curved edges become shorter, and corners are rounded. Noise whose curvature exceeds the threshold is kept like a
+    feature.
     """
     time = step * mesh.mean_edge_length**2
     for _ in track(iterations):
@@ -101,7 +101,7 @@ def _tensor_weights(
         gradient[0, 0], gradient[0, 1] = -y / double, (x - l0) / double
         gradient[1, 0], gradient[1, 1] = y / double, -x / double
         gradient[2, 0], gradient[2, 1] = 0.0, l0 / double
-        # shape operator of the interpolated normals, made symmetric: it is known by what it does along each side
+        # symmetrised shape operator of the interpolated normals, determined by its effect along each side
         p = q = r = 0.0
         for side in range(3):
             i, j = faces[f, side], faces[f, (side + 1) % 3]

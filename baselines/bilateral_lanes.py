@@ -71,7 +71,7 @@ class _Instructions:
         return [self._loaded(self.builder.gep(first, [d])) for d in self.axes]
 
     def weighted_sums(self, face: Any, mine: list[Any]) -> list[Any]:
-        """Return the sums of the normals of the neighbours by their weights, to which the face itself adds."""
+        """Return the weighted sums of the normals of the neighbours and of the face itself."""
         builder = self.builder
         steep, weight = self._loaded(self._vector_at("steepness")), self.splat(self.entry("own", face))
         first, last = (self.entry("indptr", row) for row in (face, builder.add(face, self.axes[1])))
@@ -97,7 +97,7 @@ class _Instructions:
         return cgutils.alloca_once_value(self.builder, value)  # type: ignore[no-untyped-call]
 
     def add_terms(self, sums: list[Any], places: list[Any], mine: list[Any], steep: Any) -> None:
-        """Add the normals of one or two neighbours by their weights to sums, in lanes of their own."""
+        """Add the weighted normals of one or two neighbours to the sums, each neighbour in lanes of its own."""
         builder, count = self.builder, len(places)
 
         # squared chord between the normals of the two faces
@@ -145,7 +145,7 @@ class _Instructions:
     def _loaded(self, pointer: Any) -> Any:
         """Return the lanes at a pointer."""
         loaded = self.builder.load(pointer)
-        loaded.align = 4  # of a number: rows lie anywhere
+        loaded.align = 4  # that of a single number, because rows may begin anywhere
         return loaded
 
     def _at(self, name: str, *index: Any) -> Any:
@@ -163,7 +163,7 @@ def equals(plain: Callable[..., None]) -> bool:
     """Test whether vector instructions can be compiled here and give the same bytes as plain loops."""
     rng = np.random.default_rng(0)
     normals, steepness = rng.normal(size=(5, 3, 4)).astype(np.float32), np.array([0, 0.01, 0.1, 10], np.float32)
-    normals[4] = 0  # whose sums vanish
+    normals[4] = 0  # a face whose sums vanish
     rings = Csr(np.array([0, 2, 4, 4, 4, 4]), np.array([1, 2, 3, 0], np.int32))
     own, weights = rng.random((2, 5)).astype(np.float32)
     filtered = np.zeros((2, *normals.shape), np.float32)

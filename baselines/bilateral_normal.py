@@ -50,8 +50,8 @@ def bilateral_normal(
 
     Limits
     ------
-    One σ_r serves the whole mesh: a narrow one leaves noise, a wide one rounds edges. Under heavy noise the normals
-    themselves no longer tell where an edge is.
+    One σ_r applies to the whole mesh: a small one leaves noise, and a large one rounds edges. Under heavy noise, the
+    normals no longer show where the edges are.
     """
     filtered = partial(bilateral_normals, sigma_s=sigma_s, sigma_r=sigma_r, iterations=iterations, center=center)
     normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
@@ -71,8 +71,8 @@ def bilateral_normals(
 
     The sum is over the faces g within `ring` steps over shared vertices. σ_s is in mean edge lengths, σ_r is a chord
     between unit normals (0.35 is about 20 degrees), and infinity disables a weight. With the center "count", the face
-    itself takes part, weighted by its area. With "skip", as in the authors' program, it does not, which frees it of its
-    own noise. A face whose neighbours have no weight keeps its normal. Returns (m, 3) unit normals.
+    itself is included, weighted by its area. With "skip", as in the authors' program, it is left out, so that its own
+    noise has no influence. A face whose neighbours have no weight keeps its normal. Returns (m, 3) unit normals.
     """
     rings = mesh.topology.face_rings(ring)
     weights = spatial_weights(mesh, rings, sigma_s)
@@ -110,10 +110,10 @@ def joint_bilateral_pass(
     *,
     given: Vectors | None = None,
 ) -> Vectors:
-    """One pass of the filter, its range weight taken on the guide; the guide is the normals themselves for bilateral.
+    """Apply one pass of the filter. The range weight compares guide normals; a bilateral filter is guided by its input.
 
-    The face itself takes part with the weight own[f] and its normal, or the one in `given`, which pulls the passes of a
-    sequence to where it began. Where all weights vanish the normal stays.
+    The face itself is included with the weight own[f] and its normal, or the one in `given`, which keeps a sequence of
+    passes near its start. Where all weights vanish, the face keeps its normal.
     """
     out = np.empty_like(normals)
     given = normals if given is None else given
@@ -189,8 +189,8 @@ def bilateral_normal_global(
 
     Limits
     ------
-    The weights are those of the noisy normals throughout, so heavy noise is mistaken for edges. The cost is that of one
-    sparse system of the size of the faces.
+    The weights are computed once, from the noisy normals, so heavy noise is mistaken for edges. The cost is that of one
+    sparse system with a row for each face.
     """
     normals = global_normals(mesh, sigma_s=sigma_s, sigma_r=sigma_r, fidelity=fidelity)
     return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps)
@@ -199,7 +199,7 @@ def bilateral_normal_global(
 def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: float) -> Vectors:
     """Minimise (1 - λ) Σ A_f |(Ln)_f|² + λ Σ A_f |n_f - n*_f|², and normalise.
 
-    (Ln)_f is n_f less the bilateral mean of the normals around it, with weights from the given normals n*. The system
+    (Ln)_f is n_f minus the bilateral mean of the normals around it, with weights from the given normals n*. The system
     ((1 - λ) LᵀAL + λA) n = λA n* is solved by conjugate gradients, since its factors would not be sparse.
     """
     difference = bilateral_difference(mesh, sigma_s=sigma_s, sigma_r=sigma_r)
@@ -216,7 +216,7 @@ def global_normals(mesh: Mesh, *, sigma_s: float, sigma_r: float, fidelity: floa
 
 
 def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
-    """Return L, (m, m) sparse: the value of a face less the bilateral mean around it; 0 where all weights vanish."""
+    """Return L, (m, m) sparse: the value of a face minus the bilateral mean around it; 0 where all weights vanish."""
     rings = mesh.topology.face_rings(1)
     weights = spatial_weights(mesh, rings, sigma_s)
     count = len(mesh.faces)
@@ -230,7 +230,7 @@ def bilateral_difference(mesh: Mesh, *, sigma_s: float, sigma_r: float) -> Any:
 def _to_difference(
     start: int, stop: int, normals: Vectors, rings: Csr, spread: float, weights: Floats, own: Floats
 ) -> None:
-    """Turn spatial weights into the entries of L beside the diagonal, and give those on it."""
+    """Convert spatial weights to the off-diagonal entries of L, in place, and write the entries on the diagonal."""
     for f in range(start, stop):
         total = 0.0
         for k in range(rings.indptr[f], rings.indptr[f + 1]):

@@ -32,8 +32,8 @@ Influence = Annotated[
 def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = None, iterations: Steps = 12) -> Vectors:
     """Move each vertex along its normal by a bilateral mean of the heights of near vertices over its tangent plane.
 
-    Neighbours are the vertices within 2 σ_c, joined by such ones, and the vertex itself. Unless given, σ_s is the
-    standard deviation of their unsigned heights. A boundary has no special treatment.
+    Neighbours are the vertex itself and the vertices within 2 σ_c that are connected to it through such vertices. By
+    default, σ_s is the standard deviation of their absolute heights. Boundaries get no special treatment.
 
     Formula
     -------
@@ -42,8 +42,8 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
 
     Limits
     ------
-    It shrinks the mesh, as heights over a tangent plane have a mean on curved surfaces. Edges are kept less well than
-    by filters of normals. The vertex normals are as noisy as the mesh.
+    It shrinks the mesh, because the mean height over a tangent plane is not zero on curved surfaces. Edges are kept
+    less well than by filters of normals. The vertex normals are as noisy as the mesh.
     """
     count, edge = len(mesh.vertices), mesh.mean_edge_length
     graph, alone = mesh.topology.vertex_neighbors, each_alone(count)
@@ -61,8 +61,9 @@ def bilateral(mesh: Mesh, *, sigma_c: Closeness = None, sigma_s: Similarity = No
 def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Influence = 1.0) -> Vectors:
     """Move each vertex once, to a bilateral mean of its projections onto the planes of near faces.
 
-    Normals of the planes are those after each vertex was moved to the Gaussian mean of near centroids, of spread σ_f/2.
-    Neighbours are the faces with a centroid within 2 σ_f of the vertex, joined to its own by such ones.
+    The normals of the planes are computed after each vertex was moved to the Gaussian mean of near centroids, with the
+    spread σ_f/2. Neighbours are the faces with a centroid within 2 σ_f of the vertex that are connected to its own
+    faces through such faces.
 
     Formula
     -------
@@ -89,12 +90,12 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
 
 
 def vertex_normals(mesh: Mesh) -> Vectors:
-    """Return (n, 3) the normalised sum of the unit normals of the faces around each vertex; zero where they cancel."""
+    """Return the (n, 3) normalised sums of the unit normals of the faces around each vertex; zero where they cancel."""
     return unit(mesh.sums_around(mesh.face_normals))
 
 
 def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
-    """Return (n,) the length of the shortest edge at each vertex; 0 without any."""
+    """Return the (n,) length of the shortest edge at each vertex; 0 without an edge."""
     least, lengths = np.full(len(mesh.vertices), np.inf), row_distances(mesh.vertices, mesh.topology.edges)
     for ends in mesh.topology.edges.T:
         np.minimum.at(least, ends, lengths)
@@ -115,7 +116,7 @@ def _bilateral_step(
     for i in range(start, stop):
         place, normal = row(vertices, i), row(normals, i)
 
-        # heights of the neighbours over the tangent plane, and how widely they scatter
+        # heights of the neighbours over the tangent plane, and their scatter
         first, last = near.indptr[i], near.indptr[i + 1]
         heights = np.empty(last - first)
         mean = 0.0
@@ -138,7 +139,7 @@ def _bilateral_step(
                 w = np.exp(-0.5 * (distance / (spreads[i] * spreads[i]) + h * h / variance))
                 step += w * h
                 total += w
-            step /= total  # the vertex itself weighs 1
+            step /= total  # the vertex itself has the weight 1
         moved[i, 0], moved[i, 1], moved[i, 2] = add(place, scaled(step, normal))
 
 

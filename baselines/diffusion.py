@@ -31,16 +31,16 @@ Moving = Annotated[VertexMask | None, Parameter("(n,) bool, the vertices that mo
 
 LARGEST_EIGENVALUE = 2.0  # eigenvalue of -Δ with uniform weights
 LONGEST = 1e6  # areas of the mesh, largest time of an implicit step of a flow; even long tubes become points in it
-MOST_STEPS = 10_000  # explicit steps that a call may be cut into
+MOST_STEPS = 10_000  # explicit steps that a call may be divided into
 
 logger = logging.getLogger(__name__)
 
 
 def _rings(given: Mapping[str, Any], _: int) -> int | None:
-    """Return how many edges away a vertex depends on.
+    """Return the receptive field in edges.
 
-    None means all: the mollification of cotangents depends on every triangle, and an implicit step solves a system of
-    all vertices.
+    It is None where a vertex depends on the whole mesh: the mollification of cotangents depends on every triangle, and
+    an implicit step solves a system of all vertices.
     """
     if given["weights"] != "uniform" or given["scheme"] != "explicit":
         return None
@@ -70,9 +70,9 @@ def laplacian(
 ) -> Vectors:
     """Diffuse the vertices with a fixed Laplacian, of order 1, 2 or 3: x_t = -λ(-Δ)^order x.
 
-    Cotangent weights smooth more for the same step and move vertices along the normal only, uniform weights also even
-    out the edges. The boundary of an open mesh shrinks like everything else. Stability of explicit steps, and what a
-    region does: see `diffuse`.
+    With the same step, cotangent weights smooth more and move vertices along the normal only; uniform weights also even
+    out the edge lengths. The boundary of an open mesh shrinks as well. `diffuse` describes the stability of explicit
+    steps and the effect of a region.
 
     Formula
     -------
@@ -80,11 +80,11 @@ def laplacian(
 
     Limits
     ------
-    It shrinks the mesh and rounds edges, order 2 and 3 less so. Explicit steps are stable below a bound that falls with
-    the order; longer ones are cut.
+    It shrinks the mesh and rounds edges, less so with order 2 or 3. Explicit steps are stable below a bound that
+    decreases with the order; longer ones are divided.
     """
     operator = laplacian_of(mesh, weights)
-    unit = mesh.mean_edge_length if weights == "cotan" else 1.0  # uniform weights know no length
+    unit = mesh.mean_edge_length if weights == "cotan" else 1.0  # uniform weights do not depend on lengths
     time = step * unit ** (2 * order)
     return diffuse(operator, mesh.vertices, time=time, iterations=iterations, scheme=scheme, order=order, region=region)
 
@@ -103,9 +103,10 @@ def diffuse(
 
     The values, (n, c), are the vertices or at most three other columns. The time t of one step is in the unit of the
     Laplacian to the power `order`. An explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`.
-    Longer ones are cut into equal stable ones, which is logged at level INFO. Vertices move within the region, (n,);
-    None selects all that have mass. Where they meet fixed vertices, the limit of the flow has order - 1 continuous
-    derivatives. Returns (n, c). Raises ParameterError if all explicit steps together take more than 10,000 stable ones.
+    Longer ones are divided into equal stable ones, which is logged at level INFO. Only vertices in the region, (n,),
+    move; None selects all that have mass. Where they meet fixed vertices, the limit of the flow has order - 1
+    continuous derivatives. Returns (n, c). Raises ParameterError if all explicit steps together take more than 10,000
+    stable ones.
     """
     free = laplacian.mass > 0 if region is None else region & (laplacian.mass > 0)
     if time == 0 or iterations == 0 or not free.any():
@@ -134,17 +135,17 @@ def diffuse(
 def flowed(
     mesh: Mesh, laplacian: Laplacian, *, time: float, scheme: Scheme = "implicit", region: VertexMask | None = None
 ) -> Vectors:
-    """Take one step of x_t = Δx, in which boundary vertices move off the surface but not along it.
+    """Take one step of x_t = Δx, in which boundary vertices move perpendicular to the surface only.
 
-    Without a boundary it is a step of `diffuse`, whose parameters these are. Vertices outside the region, and those
-    without a face, stay.
+    On a closed mesh, this is a step of `diffuse`, which describes the parameters. Vertices outside the region and those
+    without a face do not move.
     """
     held = laplacian.mass == 0 if region is None else ~region | (laplacian.mass == 0)
     boundary = np.flatnonzero(mesh.topology.boundary_vertices)
     normals = mesh.vertex_normals[boundary]
 
     def velocity(vertices: Vectors) -> Vectors:
-        towards = -laplacian.apply(vertices - drift(mesh, laplacian.mass, vertices, None))
+        towards = -laplacian.apply(vertices - component_means(mesh, laplacian.mass, vertices))
         towards[boundary] = np.einsum("ij,ij->i", towards[boundary], normals)[:, None] * normals
         towards[held] = 0
         return towards
@@ -163,9 +164,9 @@ def implicit_moves(
     """Return the displacement (M + tS)⁻¹ tMv, (n, 3), of an implicit step from the velocity v, (n, 3), before it.
 
     The velocity is zero outside the region and at vertices without a face. Steps longer than LONGEST act as LONGEST.
-    The mean displacement of a connected part is its mean velocity times the time, which is limited to the area of the
-    mesh, because the velocity falls to zero in about this time. It is set explicitly, since rounding would move parts
-    that are tiny compared with the step far away.
+    The mean displacement of a component is its mean velocity times the time, which is limited to the area of the mesh,
+    because the velocity falls to zero in about this time. It is set explicitly, since rounding errors would move
+    components far away that are tiny compared with the step.
     """
     area = float(laplacian.mass.sum())
     time = min(time, LONGEST * area)
@@ -173,25 +174,27 @@ def implicit_moves(
     mass, moves = laplacian.mass[inside], np.zeros_like(velocity)
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(mass) + time * laplacian.stiffness[inside][:, inside])
     moves[inside] = solver_of_steps(matrix, laplacian.positions[inside])(time * mass[:, None] * velocity[inside])
-    return moves + drift(mesh, laplacian.mass, min(time, area) * velocity - moves, region)
+    return moves + component_means(mesh, laplacian.mass, min(time, area) * velocity - moves, region)
 
 
-def drift(mesh: Mesh, mass: NDArray[np.float64], velocity: Vectors, region: VertexMask | None) -> Vectors:
-    """Return (n, 3) the mean velocity of the connected part of each vertex; 0 where fixed vertices hold the part.
+def component_means(
+    mesh: Mesh, mass: NDArray[np.float64], values: Vectors, region: VertexMask | None = None
+) -> Vectors:
+    """Return the (n, 3) means of values, (n, 3), by mass over the component of each vertex.
 
-    The pulls on a part with creases need not cancel, and one that is tiny would fly off.
+    They are 0 for components with a vertex outside the region.
     """
-    part = mesh.topology.components
-    whole = scatter_add(part, np.column_stack([mass, mass[:, None] * velocity]), int(part.max()) + 1)
-    masses, momenta = whole[:, :1], whole[:, 1:]
+    component = mesh.topology.components
+    sums = scatter_add(component, np.column_stack([mass, mass[:, None] * values]), int(component.max()) + 1)
+    masses, totals = sums[:, :1], sums[:, 1:]
     held = masses == 0
     if region is not None:
-        held[part[~region]] = True
-    return np.asarray(np.where(held, 0.0, momenta / np.where(held, 1.0, masses))[part])
+        held[component[~region]] = True
+    return np.asarray(np.where(held, 0.0, totals / np.where(held, 1.0, masses))[component])
 
 
 def _stable_cuts(largest: float, time: float, iterations: int, order: Order) -> int:
-    """Return into how many stable steps one explicit step has to be cut."""
+    """Return the number of stable steps into which an explicit step is divided."""
     longest = 2.0 / largest**order
     cuts = max(1, math.ceil(time / longest * (1 - 1e-12)))
     if cuts * iterations > MOST_STEPS:
@@ -216,8 +219,9 @@ def mean_curvature_flow(
 ) -> Vectors:
     """Move the vertices by λΔx = -2λHn, with the cotangent Laplacian rebuilt before every step.
 
-    A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are cut as in `diffuse`. A boundary
-    moves off the surface only (see `flowed`). Vertices outside the region, and those without a face, stay.
+    A sphere of radius r0 has r(t)² = r0² - 4λt. Explicit steps that are too long are divided as in `diffuse`. Boundary
+    vertices move perpendicular to the surface only (see `flowed`). Vertices outside the region and those without a face
+    do not move.
 
     Formula
     -------
@@ -229,7 +233,7 @@ def mean_curvature_flow(
     """
     edge = mesh.mean_edge_length
     for _ in track(iterations):
-        slack = MOLLIFICATION * edge / (mesh.mean_edge_length or 1.0)  # a part that has shrunk to a point stays one
+        slack = MOLLIFICATION * edge / (mesh.mean_edge_length or 1.0)  # a component that is a point stays one
         laplacian = cotangent_laplacian(mesh, mollification=slack)
         mesh = mesh.moved(flowed(mesh, laplacian, time=step * edge**2, scheme=scheme, region=region))
     return mesh.vertices.copy()

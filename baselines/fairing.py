@@ -23,8 +23,8 @@ def fairing(
 ) -> Vectors:
     """Replace the vertices of a region by the solution of Δ^order x = 0 that continues the surface around it.
 
-    The solution continues the surface around the region (order 1), and its tangents (2), and its curvature (3). Where
-    the region reaches a boundary of the mesh, the surface is free there.
+    Order 1 continues the position of the surrounding surface, 2 also its tangents, and 3 also its curvature. The
+    surface is free where the region reaches a boundary of the mesh.
 
     Formula
     -------
@@ -37,7 +37,7 @@ def fairing(
     Raises
     ------
     ParameterError
-        No region is given, or a connected part of the mesh lies in it as a whole, so that nothing holds it.
+        No region is given, or it contains a whole connected component, so that the solution is not unique.
     """
     if region is None:
         raise ParameterError("fairing needs a region: pass only, mask or fixed to say which vertices it may replace")

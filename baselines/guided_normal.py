@@ -1,8 +1,8 @@
 """Guided filtering of face normals (Zhang, Deng, Zhang, Bouaziz, Liu 2015).
 
-A joint bilateral filter whose range weight is taken on a guidance that knows more than the noisy normals do: the mean
-normal of the most consistent patch around, or the Gaussian mean. Vertices follow after each pass, so that the next one
-sees the normals that the mesh really has.
+This is a joint bilateral filter. Its range weight compares guidance normals instead of the noisy ones: the mean normal
+of the most consistent patch near a face, or the Gaussian mean. The vertices are updated after each pass, so that the
+next one filters the normals that the mesh has by then.
 """
 
 from collections.abc import Mapping
@@ -82,7 +82,7 @@ def guided_normal(
     Limits
     ------
     Patches span about two rings: features narrower than that, and corners where many edges meet, blur or shift. On
-    organic shapes flat patches can turn into facets.
+    organic shapes, flat patches can turn into facets.
     """
     usual_spread, usual_passes = (0.45, 10) if guidance == "patch" else (0.15, 20)
     sigma_r = usual_spread if sigma_r is None else sigma_r
@@ -105,7 +105,7 @@ def guided_normal(
 def guided_normals(
     mesh: Mesh, neighbors: Csr, *, guidance: Literal["patch", "gaussian"], sigma_s: float, sigma_r: float
 ) -> Vectors:
-    """Return (m, 3) the normals after one pass over the neighbours of each face; sigma_s in mean edge lengths."""
+    """Return the (m, 3) normals after one pass over the neighbours of each face; sigma_s in mean edge lengths."""
     guide = patch_guidance(mesh) if guidance == "patch" else gaussian_guidance(mesh, neighbors, sigma_s)
     weights = spatial_weights(mesh, neighbors, sigma_s)
     return joint_bilateral_pass(mesh.face_normals, guide, mesh.areas, neighbors, weights, sigma_r)
@@ -128,33 +128,33 @@ def _of_patch(settings: Mapping[str, Any], radius: float, edge: float, patch: Me
 
 
 def centroid_distance(mesh: Mesh) -> float:
-    """Mean distance of the centroids of faces at an edge, in mean edge lengths: 0.58 for equilateral triangles."""
+    """Return the mean distance between centroids of adjacent faces in mean edge lengths; 0.58 for equilateral ones."""
     distances = row_distances(mesh.centroids, mesh.topology.face_pairs)
     return float(distances.mean() / mesh.mean_edge_length) if distances.any() else 1.0
 
 
 def faces_within(mesh: Mesh, radius: float) -> Csr:
-    """Faces near each face, itself left out: centroids within `radius` mean edge lengths, joined by such faces."""
+    """Return the other faces with centroids within `radius` mean edge lengths that are connected through such faces."""
     count = len(mesh.faces)
     near = faces_near(mesh, np.arange(count, dtype=np.int32), radius * mesh.mean_edge_length)
     return Csr(near.indptr - np.arange(count + 1), near.indices[near.indices != near.rows])
 
 
 def gaussian_guidance(mesh: Mesh, neighbors: Csr, sigma_s: float) -> Vectors:
-    """Return (m, 3) the mean normal around each face, weighted by area and a Gaussian of the distance."""
+    """Return the (m, 3) mean normals around the faces, weighted by area and a Gaussian of the distance."""
     weights = spatial_weights(mesh, neighbors, sigma_s)
     return joint_bilateral_pass(mesh.face_normals, mesh.face_normals, mesh.areas, neighbors, weights, np.inf)
 
 
 def patch_guidance(mesh: Mesh) -> Vectors:
-    """Return (m, 3) the mean normal of the most consistent patch near each face.
+    """Return the (m, 3) mean normals of the most consistent patch near each face.
 
     The patch of a face is itself and the faces that share a vertex with it; a face chooses among its own patch and
-    those of these neighbours. A patch is the more consistent the smaller
+    those of these neighbours. The smaller this value is, the more consistent the patch is:
 
-        H = max |n_i - n_j| over its faces × max |φ| / (ε + Σ |φ|), φ = n_i - n_j over the edges inside it:
+        H = max |n_i - n_j| over its faces × max |φ| / (ε + Σ |φ|), φ = n_i - n_j over the edges inside it
 
-    flat patches have a small first factor, patches with one strong edge a large second one.
+    The first factor is small for flat patches, and the second one is large for patches with a single strong edge.
     """
     rings = mesh.topology.face_rings(1)
     inconsistency, means = patch_statistics(mesh, rings)
@@ -228,7 +228,7 @@ def _patch_statistics(
 def _choose_patch(
     start: int, stop: int, inconsistency: Floats, means: Vectors, normals: Vectors, rings: Csr, guide: Vectors
 ) -> None:
-    """The first of the least wins, the neighbours in their order and the face itself last; its own normal if zero."""
+    """Choose the patch with the least H, in a tie that of the first neighbour. A zero mean gives the face's normal."""
     for f in range(start, stop):
         best = f
         for k in range(rings.indptr[f], rings.indptr[f + 1]):

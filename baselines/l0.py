@@ -6,8 +6,8 @@ vertices, but its sparsity pattern does not and is computed once. Conjugate grad
 which are close to the new ones.
 
 A second difference vanishes where the surface is flat. The four vertices of an edge with two faces are numbered as in
-the paper: the edge runs from 1 to 3; 2 and 4 are the others of its two faces, on the right and on the left of that
-direction.
+the paper: the edge runs from 1 to 3; 2 and 4 are the third vertices of its two faces, to the right and to the left of
+that direction.
 """
 
 import math
@@ -25,7 +25,7 @@ from cascadenorm.registry import Parameter, method
 
 FIRST_BETA, LAST_BETA = 1e-3, 1e3
 ACCURACY = 1e-6  # bound on the RMS error of each solution in mean edge lengths, valid since the matrix is ≥ I
-LARGEST_WEIGHT = 1e3  # weight of a vertex at an edge that counts
+LARGEST_WEIGHT = 1e3  # of a vertex at an edge; edges with a larger one are ignored
 
 EdgeOperator = Literal["area", "cotan"]
 
@@ -156,7 +156,7 @@ def _assemble(
 
 
 def edge_quads(topology: Topology) -> NDArray[np.int32]:
-    """Return (e, 4) vertices 1, 2, 3, 4, which differ, of each edge with two faces; 2 is in the first of them."""
+    """Return the (e, 4) vertices 1 to 4 of each edge with two faces, unless two are equal; 2 is in the first face."""
     ends = topology.edges[topology.interior_edges]
     corners = topology.faces[topology.face_pairs]  # (e, 2, 3)
     apart = (corners != ends[:, None, :1]) & (corners != ends[:, None, 1:])
@@ -172,8 +172,8 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
     The cotangent operator is (-cot 231 - cot 134, cot 231 + cot 312, -cot 312 - cot 413, cot 134 + cot 413), of length
     |D(e)x| = 2 sin(γ/2) |x_3 - x_1| for faces that meet at π - γ. The area-based operator is that one times
     2 A_123 A_134 / (|x_3 - x_1|² (A_123 + A_134)), so that no weight grows as a triangle loses its height.
-    An edge without length or of next to none, for which a weight is above 1,000, gets zeros, and for the cotangent
-    operator one with a face without area.
+    All weights are zero for edges without length, for those so short that a weight would exceed LARGEST_WEIGHT and,
+    with the cotangent operator, for those of a face without area.
     """
     coefficients = np.empty(quads.shape)
     parallel_for(len(quads), _edge_coefficients, vertices, quads, operator == "area", coefficients)
@@ -181,14 +181,14 @@ def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: Edg
 
 
 def mean_dihedral(mesh: Mesh) -> float:
-    """Mean angle in radians between the normals of the faces at an edge, unsigned, over the edges with two faces."""
+    """Return the mean unsigned angle in radians between the normals of the faces at an edge with two faces."""
     angles = angles_between(*np.moveaxis(mesh.face_normals[mesh.topology.face_pairs], 1, 0))
     return float(angles.mean()) if len(angles) else 0.0
 
 
 @kernel
 def _edge_coefficients(start: int, stop: int, vertices: Vectors, quads: Ints32, by_area: bool, out: Floats) -> None:
-    """Split the foot of 2 and of 4 on the edge between its ends, then balance the two heights."""
+    """Compute the weights from the feet of vertices 2 and 4 on the edge, and from their heights over it."""
     for e in range(start, stop):
         i, j, k, l = quads[e]
         # the edge u, the sides v and w to the corners beside it, and twice the areas of the two faces
@@ -197,7 +197,7 @@ def _edge_coefficients(start: int, stop: int, vertices: Vectors, quads: Ints32, 
         w = subtract(row(vertices, l), row(vertices, i))
         squared, right, left = dot(u, u), length(cross(u, v)), length(cross(u, w))
 
-        # the heights' factors
+        # the weights of vertices 2 and 4, which balance their heights
         second = fourth = 0.0
         if squared > 0.0:
             if by_area:

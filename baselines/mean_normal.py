@@ -1,4 +1,4 @@
-"""Means and medians of the normals around a face: plain, of similar ones (unilateral), of those a random walk visits.
+"""Means and medians of the normals around a face: plain means, means of similar normals or over random walks, medians.
 
 Neighbours are the faces that share a vertex, and the face itself.
 """
@@ -37,7 +37,7 @@ def mean_normal(mesh: Mesh, *, iterations: Passes = 3, sweeps: Sweeps = 10, fit:
 
     Limits
     ------
-    Every edge is rounded, and more passes round it more.
+    All edges are rounded, more so with more passes.
     """
     filtered = partial(bilateral_normals, sigma_s=np.inf, sigma_r=np.inf, iterations=iterations, center="count")
     normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
@@ -56,8 +56,8 @@ def unilateral_normal(
 
     Limits
     ------
-    Edges whose angle has a cosine above T are rounded. Faces are not weighed by area, so uneven meshes are pulled
-    toward where faces are small.
+    Edges whose angle has a cosine above T are rounded. Faces are not weighted by area, so that regions of small faces
+    have more influence on uneven meshes.
     """
     filtered = partial(unilateral_normals, threshold=threshold, iterations=iterations)
     normals = normals_by_patches(mesh, filtered, receptive_field=iterations)
@@ -87,7 +87,7 @@ def random_walk_normal(
 
     Limits
     ------
-    One σ_r serves the whole mesh, as in bilateral-normal. Faces are not weighted by area or distance.
+    One σ_r applies to the whole mesh, as in bilateral-normal. Faces are not weighted by area or distance.
     """
     filtered = partial(walk_normals, sigma_r=sigma_r, length=length, iterations=iterations)
     normals = normals_by_patches(mesh, filtered, receptive_field=length * iterations)
@@ -95,7 +95,7 @@ def random_walk_normal(
 
 
 def unilateral_normals(mesh: Mesh, *, threshold: float, iterations: int) -> Vectors:
-    """Return (m, 3) the face normals after some passes of the unilateral filter."""
+    """Return the (m, 3) face normals after some passes of the unilateral filter."""
     rings, normals = mesh.topology.face_rings(1), mesh.face_normals
     for _ in track(iterations):
         out = np.empty_like(normals)
@@ -105,7 +105,7 @@ def unilateral_normals(mesh: Mesh, *, threshold: float, iterations: int) -> Vect
 
 
 def walk_normals(mesh: Mesh, *, sigma_r: float, length: int, iterations: int) -> Vectors:
-    """Return (m, 3) the face normals after some passes, each of which takes the mean over where walks end."""
+    """Return the (m, 3) face normals after some passes, each of which takes the mean normal at the ends of walks."""
     rings, normals = mesh.topology.face_rings(1), mesh.face_normals
     for _ in track(iterations):
         normals = unit(walk_means(normals, rings, sigma_r=sigma_r, length=length), otherwise=normals)
@@ -113,7 +113,7 @@ def walk_normals(mesh: Mesh, *, sigma_r: float, length: int, iterations: int) ->
 
 
 def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> Vectors:
-    """Return (m, 3) the expected normal where a walk of `length` steps from each face ends.
+    """Return the (m, 3) expected normals at the end of a random walk of `length` steps from each face.
 
     A step leads from f to g, or stays at f, with a probability proportional to exp(-|n_f - n_g|²/2σ_r²).
     """
@@ -127,7 +127,7 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
 
 @kernel
 def _unilateral_pass(start: int, stop: int, normals: Vectors, rings: Csr, threshold: float, out: Vectors) -> None:
-    """One pass of the unilateral filter; the face itself takes part, so that the weights never vanish."""
+    """Apply one pass of the unilateral filter; the face itself is included, so that the weights never vanish."""
     for f in range(start, stop):
         total = scaled((1.0 - threshold) ** 2, row(normals, f))
         for k in range(rings.indptr[f], rings.indptr[f + 1]):
@@ -171,7 +171,7 @@ def median_normal(
 
 
 def median_normals(mesh: Mesh, *, median: Literal["vector", "angle"], iterations: int) -> Vectors:
-    """Return (m, 3) the face normals after some passes of the median filter."""
+    """Return the (m, 3) face normals after some passes of the median filter."""
     normals = mesh.face_normals
     for _ in track(iterations):
         normals = median_pass(mesh, normals, median=median)
@@ -179,10 +179,10 @@ def median_normals(mesh: Mesh, *, median: Literal["vector", "angle"], iterations
 
 
 def median_pass(mesh: Mesh, normals: Vectors, *, median: Literal["vector", "angle"]) -> Vectors:
-    """Return (m, 3) one of the normals around each face, its own among them; weights are the areas.
+    """Return the (m, 3) weighted medians of the normals around each face and its own; the weights are the areas.
 
-    "vector" takes the one with the least weighted sum of chords to the others; "angle" sorts them by their angle to
-    the face's own normal and takes the one at half the weight. Of equal ones the face's own wins.
+    "vector" selects the normal with the least weighted sum of chords to the others. "angle" sorts them by their angle
+    to the face's own normal and selects the one at half of the weight. In a tie, the face keeps its own normal.
     """
     rings = mesh.topology.face_rings(1)
     out = np.empty_like(normals)
@@ -215,7 +215,7 @@ def _vector_medians(start: int, stop: int, normals: Vectors, areas: Floats, ring
 @kernel
 def _angle_medians(start: int, stop: int, normals: Vectors, areas: Floats, rings: Csr, out: Vectors) -> None:
     for f in range(start, stop):
-        if areas[f] == 0.0:  # all are as far from it
+        if areas[f] == 0.0:  # all normals have the same distance from zero
             out[f, 0], out[f, 1], out[f, 2] = row(normals, f)
             continue
         count = rings.indptr[f + 1] - rings.indptr[f]

@@ -1,4 +1,4 @@
-"""Flow to a surface of prescribed mean curvature: the input's own, smoothed (Hildebrandt & Polthier 2004)."""
+"""Flow to a surface of prescribed mean curvature, that of the input after smoothing (Hildebrandt & Polthier 2004)."""
 
 import math
 from typing import Annotated
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, diffused_vertex_normals
-from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse, drift, implicit_moves
+from cascadenorm.baselines.diffusion import DiffusionStep, Moving, component_means, diffuse, implicit_moves
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
@@ -39,10 +39,10 @@ def prescribed_mean_curvature(
 ) -> Vectors:
     """Move the vertices until the mean curvature is the smoothed one of the input: a cylinder keeps its radius.
 
-    The flow is M x_t = M f n - A: A is the gradient of the area, in which the input's creases weigh less and a boundary
-    does not pull inward; f is the input's own A along the normals, smoothed by `anisotropic_laplacian`. Steps are
-    preconditioned by (M + tS)⁻¹, none is longer than a mean edge, and no part drifts as a whole. Vertices outside the
-    region, and those without a face, stay.
+    The flow is M x_t = M f n - A: A is the gradient of the area, in which the creases of the input have less weight and
+    boundaries do not pull inward. f is the normal component of A on the input, smoothed by `anisotropic_laplacian`.
+    Steps are preconditioned by (M + tS)⁻¹ and at most as long as a mean edge, and no component drifts as a whole.
+    Vertices outside the region and those without a face do not move.
 
     Formula
     -------
@@ -67,7 +67,7 @@ def prescribed_mean_curvature(
         laplacian = cotangent_laplacian(mesh)
         normals = diffused_vertex_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)
-        velocity -= drift(mesh, laplacian.mass, velocity, region)
+        velocity -= component_means(mesh, laplacian.mass, velocity, region)
         if region is not None:
             velocity[~region] = 0
         moves = implicit_moves(mesh, laplacian, velocity, time=time, region=region)
@@ -77,7 +77,7 @@ def prescribed_mean_curvature(
 
 
 def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:
-    """Return (e,) weight of each edge: 1 where the surface turns little, less at a crease, 0 but at interior edges.
+    """Return the (e,) weight of each edge: 1 where the surface turns little, less at creases, 0 unless it is interior.
 
     The turn c is that of the given vertex normals from the middle of one face of the edge to that of the other; past
     the threshold the weight is threshold² / (10 (c - threshold)² + threshold²).
@@ -91,10 +91,10 @@ def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray
 
 
 def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
-    """Return (n, 3) ½ Σ w_e H_e N_e over the edges e of each vertex; with weights 1, the gradient of the area."""
+    """Return (n, 3) sums ½ Σ w_e H_e N_e over the edges e of each vertex; with weights 1, the gradient of the area."""
     edges, face_edges = mesh.topology.edges, mesh.topology.face_edges
     corners = mesh.corners
     sides = np.roll(corners, -1, axis=1) - corners
-    inward = np.cross(mesh.face_normals[:, None], sides).reshape(-1, 3)  # in the face, as long as the side
+    inward = np.cross(mesh.face_normals[:, None], sides).reshape(-1, 3)  # vectors in the face, as long as the side
     pulls = -0.5 * (weights[:, None] * scatter_add(face_edges.ravel(), inward, len(edges)))
     return scatter_add(edges.ravel(), np.repeat(pulls, 2, axis=0), len(mesh.vertices))

@@ -14,7 +14,7 @@ from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
 WIDEST = 10.0  # mesh diagonals; wider features are removed completely, up to rounding
-LEAST = 1e-6  # area of a face, and distance between two, in mean edges, below which they count as that
+LEAST = 1e-6  # smallest area of a face and distance between two that are used, in mean edge lengths
 
 Width = Annotated[
     float, Parameter("Width of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)
@@ -60,12 +60,12 @@ def rolling_guidance_normal(
 
 
 def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -> Vectors:
-    """Diffuse the face normals evenly, then `iterations` times again, less across edges of what came out last.
+    """Diffuse the face normals evenly, then `iterations` times again, less across edges of the previous result.
 
     One average is n ← (A + tL)⁻¹ A (A + tL)⁻¹ A n over the graph of faces, A their areas. A half-wave as wide as
     `width`, which is positive and in mesh units, is halved by it, for t = (√2 - 1)(width/π)². The weight of two faces
     in L is the length of their common edge over the distance d of their centroids across it, times exp(-(width |g_1 -
-    g_2|/d)²/2σ²) with the normals g that guide. Returns (m, 3) unit normals; a face whose average vanishes keeps its
+    g_2|/d)²/2σ²) with the guidance normals g. Returns (m, 3) unit normals; a face whose average vanishes keeps its
     normal.
     """
     edge = mesh.mean_edge_length
@@ -85,7 +85,7 @@ def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -
 def _dual_edges(
     mesh: Mesh, pairs: NDArray[np.int32], *, least: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Length of each interior edge, (e,), and the way from centroid to centroid over its middle."""
+    """Return the length of each interior edge, (e,), and the distance of the centroids at it by way of its midpoint."""
     ends = mesh.vertices[mesh.topology.edges[mesh.topology.interior_edges]]
     ways = np.linalg.norm(mesh.centroids[pairs] - ends.mean(axis=1)[:, None], axis=2).sum(axis=1)
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.maximum(ways, least)
@@ -94,7 +94,7 @@ def _dual_edges(
 def _averaged(
     mesh: Mesh, areas: NDArray[np.float64], pairs: NDArray[np.int32], weights: NDArray[np.float64], time: float
 ) -> Vectors:
-    """Two implicit steps of diffusion of the normals of the mesh, at unit length."""
+    """Return the normals of the mesh after two implicit steps of diffusion, scaled to unit length."""
     count = len(areas)
     first, second = pairs.T
     sums = scatter_add(first, weights, count) + scatter_add(second, weights, count)

@@ -44,8 +44,8 @@ def spectral(
 
     Limits
     ------
-    Edges ring and are rounded, as they need all frequencies. Detail beyond the last harmonic is lost under a low-pass,
-    whether noise or not.
+    Edges are rounded and cause ringing, because they consist of all frequencies. A low-pass removes all detail beyond
+    the last harmonic, not only noise.
     """
     available = int((mesh.topology.vertex_faces.counts > 0).sum())
     count = min(HARMONICS_COUNT, available) if harmonics is None else harmonics
@@ -74,8 +74,8 @@ def spectral(
 def filtered(mesh: Mesh, harmonics: Harmonics, weights: NDArray[np.float64], *, rest: float = 1.0) -> Vectors:
     """Return x' = Σ w_i <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i), (n, 3); vertices without a face stay.
 
-    Of the weights of the harmonics, (k,), 1 keeps, 0 drops, and more than 1 strengthens. `rest` is the weight of what
-    is above the k harmonics.
+    The weights, (k,), scale the harmonics: 1 keeps a harmonic, 0 removes it, and more than 1 amplifies it. `rest` is
+    the weight of everything beyond the k harmonics.
     """
     coefficients = harmonics.coefficients(mesh.vertices)
     vertices = rest * mesh.vertices + harmonics.combined((weights[:, None] - rest) * coefficients)

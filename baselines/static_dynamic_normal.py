@@ -1,7 +1,7 @@
 """Static/dynamic filtering of face normals (Zhang, Deng, Hong, Peng, Qin, Liu 2018).
 
-The energy is bounded in the difference of neighbouring normals, and a fixed guidance weights each pair of faces. So the
-guidance (static) and the normals that are sought (dynamic) decide together what counts as an edge.
+The energy of a pair of faces is bounded, however much their normals differ, and weighted by a fixed guidance. The
+guidance (static) and the filtered normals (dynamic) therefore decide together what counts as an edge.
 """
 
 from typing import Annotated
@@ -53,8 +53,8 @@ def static_dynamic_normal(
 
     Limits
     ------
-    The guidance has the limits of that of `guided-normal`: features narrower than two rings blur. The energy has many
-    minima; the passes end in one near the given normals.
+    As with `guided-normal`, features narrower than two rings blur. The energy has many minima, and the passes converge
+    to one near the given normals.
     """
     for _ in track(iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s

@@ -25,8 +25,8 @@ def taubin(
     """Alternate steps λ > 0 and μ < 0 with the uniform Laplacian, so that frequencies below the pass band nearly stay.
 
     The eigenvectors of the Laplacian, with eigenvalues k from 0 to 2, are scaled by ((1 - λk)(1 - μk))^iterations,
-    where 1/λ + 1/μ = k_PB; in the middle of the pass band they grow by 1 - λμ k_PB²/4 in each, which must not come to
-    more than tenfold in all. Vertices outside the region, and those without a face, stay.
+    where 1/λ + 1/μ = k_PB; in the middle of the pass band, they grow by 1 - λμ k_PB²/4 in each iteration, and at most
+    tenfold in total. Vertices outside the region and those without a face do not move.
 
     Formula
     -------
@@ -59,7 +59,7 @@ def taubin(
 def _step_range(
     start: int, stop: int, neighbors: Csr, free: Bools, size: float, vertices: Vectors, after: Vectors
 ) -> None:
-    """Go one step against the uniform Laplacian; products of sparse matrices take over twice as long."""
+    """Take a step with the uniform Laplacian; products of sparse matrices take over twice as long."""
     for i in range(start, stop):
         x = y = z = 0.0
         k, last = neighbors.indptr[i], neighbors.indptr[i + 1]

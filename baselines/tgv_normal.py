@@ -14,8 +14,8 @@ from cascadenorm.mesh import Csr, Floats, Mesh, Vectors, kernel, parallel_for, r
 from cascadenorm.mesh.vectors import add, length, row, scaled
 from cascadenorm.registry import Parameter, method
 
-TOLERANCE = 1e-4  # residual of the linear systems of a round, against that of zero
-LEAST_LENGTH = 1e-3  # mean edges; shorter edges and lines count as this long, which keeps the systems definite
+TOLERANCE = 1e-4  # residual of the linear systems of a round, relative to that of a zero solution
+LEAST_LENGTH = 1e-3  # in mean edge lengths; shorter edges and lines count as this long, so that systems are definite
 
 TgvFidelity = Annotated[
     float,
@@ -43,13 +43,13 @@ def tgv_normal(
     over the normals n and jumps v, a vector at each edge;   (D n)_e = n_1 - n_2,   w_e = exp(-|n_1 - n_2|⁴)
     (E v)_c: sum of the jumps at both sides of a corner c, out of its face;   l_c: from the corner to the centroid
 
-    The weights, those of `tv-normal`, follow the normals from round to round. Each round solves for n without the
-    constraint and normalises, as published; the dynamic weights, the vertex update and the parameters are ours.
+    The weights are those of `tv-normal`, computed again in each round. Each round solves for n without the constraint
+    and normalises, as published; the dynamic weights, the vertex update and the parameters are not from the paper.
 
     Limits
     ------
-    E compares a face with pairs of neighbors, and a slope over irregular triangles is no even sequence of faces: it
-    costs less than noise of that height, but something. The problem is not convex.
+    E compares a face with pairs of its neighbours. On irregular triangles, the normals of a smoothly curved surface do
+    not change evenly from face to face, so that curvature has a small cost as well. The problem is not convex.
     """
     normals = mesh.face_normals
     if rounds and len(mesh.topology.face_pairs):
@@ -67,11 +67,11 @@ class TgvMinimum(NamedTuple):
 
 
 def least_variation(mesh: Mesh, *, fidelity: float, second_order: float, rounds: int) -> TgvMinimum:
-    """Minimise the energy of the formula of `tgv_normal` for a mesh with interior edges, lengths in mean edges.
+    """Minimise the energy of `tgv_normal` for a mesh with interior edges; lengths are in mean edge lengths.
 
-    Differences p = D n - v and q = E v are unknowns of their own, tied by multipliers with a penalty of 1. In turn the
-    normals and the jumps are solved for, always with the same matrices and from those of the round before, and the
-    differences shrink edge by edge and corner by corner.
+    The differences p = D n - v and q = E v are separate unknowns, coupled by multipliers with a penalty of 1. Each
+    round solves for the normals and then for the jumps, always with the same matrices and starting from the previous
+    round, and shrinks the differences edge by edge and corner by corner.
     """
     given, edge, topology = mesh.face_normals, mesh.mean_edge_length or 1.0, mesh.topology
     lengths = row_distances(mesh.vertices, topology.edges[topology.interior_edges]) / edge
@@ -107,11 +107,12 @@ def least_variation(mesh: Mesh, *, fidelity: float, second_order: float, rounds:
 
 
 def corner_sums(mesh: Mesh) -> tuple[Any, Floats]:
-    """Return what corners measure of the jumps at edges, and how long they count.
+    """Return the matrix of second-order differences at the corners of faces, and the lengths that weight them.
 
-    A jump is the value on the first face at an interior edge less that on the second. With opposite signs where a face
-    is the second, both edges at one of its corners together measure 2 u_f - u_g - u_h, with the values u_g and u_h of
-    the faces beyond them: the second-order difference of Liu et al. over the line from the corner to the centroid.
+    A jump is the value on the first face at an interior edge minus that on the second. The jumps at the two edges of a
+    corner of face f, with opposite signs where f is the second face, sum to 2 u_f - u_g - u_h, where u_g and u_h are
+    the values on the faces beyond these edges. This is the second-order difference of Liu et al. over the line from the
+    corner to the centroid.
     Returns a sparse matrix (c, e), with a row for each corner between two interior edges, and (c,) lengths of the
     lines.
     """

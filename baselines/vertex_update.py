@@ -24,7 +24,7 @@ Weighting = Literal["uniform", "inverse-height"]  # weight of each face in the v
 Foldovers = Literal["avoid", "ignore"]  # handling of steps that flip faces against their normals
 OVER_RELAXATION = 2.3
 LEAST_HEIGHT = 0.05  # height in mean edge lengths below which the weight of a face no longer grows
-ATTACHMENT = 0.01  # μ, weight of the given positions; less overfits filtered normals, which belong to no surface
+ATTACHMENT = 0.01  # μ, weight of the given positions; a smaller one overfits filtered normals, which no surface has
 
 
 def recover_vertices(
@@ -148,12 +148,12 @@ def _tangential_pull(vertices: Vectors, faces: Ints32, normals: Vectors, around:
 
 
 def fit_rings(given: Mapping[str, Any], groups: int, filtered: int) -> int | None:
-    """Return how many edges away a vertex depends on; each sweep adds an edge for each group of vertices."""
+    """Return the receptive field in edges of a filter and the vertex update. A sweep adds an edge for each group."""
     return filtered + int(given["sweeps"]) * groups if given["fit"] == "sweeps" else None
 
 
 def filter_rings(given: Mapping[str, Any], groups: int) -> int | None:
-    """Return how many edges away a vertex depends on after passes over the faces around each face."""
+    """Return the receptive field in edges of passes over the faces around each face and the vertex update."""
     return fit_rings(given, groups, given["iterations"])
 
 
@@ -165,7 +165,7 @@ def fit_vertices(
     sweeps: int,
     weighting: Weighting = "uniform",
 ) -> Vectors:
-    """Move vertices until the faces take the given normals, (m, 3), in the way that is chosen."""
+    """Move vertices until the faces have the given normals, (m, 3), by sweeps or by least squares."""
     if fit == "sweeps":
         return recover_vertices(mesh, normals, sweeps=sweeps, weighting=weighting)
     return least_squares_vertices(mesh, normals, weights=face_weights(mesh, weighting))
@@ -177,8 +177,8 @@ def least_squares_vertices(mesh: Mesh, normals: Vectors, *, weights: Floats, att
     c_f is the centroid of the face and W_i the sum of w_f around a vertex. The first term is a third of
     Σ_f w_f Σ <n_f, x_i - x_j>² over the sides of the face, the least-squares system of Taubin (2001), which Sun et al.
     (2007) and Zheng et al. (2011) solve by descent; the vertex update has the same stationary points. The attachment μ
-    makes the solution unique. Nothing keeps faces from flipping. The normals are (m, 3) unit vectors, or zero for faces
-    that do not pull, and the weights w_f, (m,), are positive. Returns (n, 3) vertices; one without a face stays.
+    makes the solution unique. Faces may flip. The normals are (m, 3) unit vectors, or zero for faces without influence,
+    and the weights w_f, (m,), are positive. Returns (n, 3) vertices; those without a face do not move.
     """
     count = len(mesh.vertices)
     total = scatter_add(mesh.faces.ravel(), np.repeat(weights, 3), count)
