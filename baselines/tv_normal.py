@@ -115,7 +115,7 @@ class TotalVariation:
         for _ in range(rounds):
             parallel_for(len(given), _right_side, self.sides, self.pull, given, ties, right)
             self._solve(right, values)
-            parallel_for(edges, _shrink, values, self.pairs, weights, PENALTY, ties, duals)
+            parallel_for(edges, _shrink, values, self.pairs, weights, ties, duals)
         return Minimum(values[self.places], duals)
 
     def _solve(self, right: Vectors, values: Vectors) -> None:
@@ -228,21 +228,14 @@ def _relax(
 
 @kernel
 def _shrink(
-    start: int,
-    stop: int,
-    values: Vectors,
-    pairs: Ints32,
-    weights: Floats,
-    penalty: float,
-    ties: Vectors,
-    duals: Vectors,
+    start: int, stop: int, values: Vectors, pairs: Ints32, weights: Floats, ties: Vectors, duals: Vectors
 ) -> None:
     """Shrink q = Dn + y/r of each edge by w/r to the optimal difference p; update the multiplier y and rp - y."""
     for e in range(start, stop):
         f, g = pairs[e]
-        wanted = add(subtract(row(values, f), row(values, g)), divided(row(duals, e), penalty))
+        wanted = add(subtract(row(values, f), row(values, g)), divided(row(duals, e), PENALTY))
         size = length(wanted)
-        kept = max(0.0, 1.0 - weights[e] / (penalty * size)) if size > 0.0 else 0.0
-        rest = penalty * (1.0 - kept)  # y + r(Dn - p) = r(q - p)
-        ties[e, 0], ties[e, 1], ties[e, 2] = scaled(penalty * kept - rest, wanted)
+        kept = max(0.0, 1.0 - weights[e] / (PENALTY * size)) if size > 0.0 else 0.0
+        rest = PENALTY * (1.0 - kept)  # y + r(Dn - p) = r(q - p)
+        ties[e, 0], ties[e, 1], ties[e, 2] = scaled(PENALTY * kept - rest, wanted)
         duals[e, 0], duals[e, 1], duals[e, 2] = scaled(rest, wanted)
