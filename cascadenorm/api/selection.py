@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.controls.weights import fixed_vertices, mask_weights, selected_faces
+from cascadenorm.controls.weights import mask_weights, selected_faces, selected_vertices
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
 from cascadenorm.registry.controls import Controls
@@ -55,7 +55,7 @@ def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:
     if controls["mask"] is not None:
         found["mask"] = _reduce_copies(mask_weights(controls["mask"], len(welds)), welds, np.minimum)
     if controls["fixed"] is not None:
-        found["fixed"] = _reduce_copies(fixed_vertices(controls["fixed"], len(welds)), welds, np.maximum)
+        found["fixed"] = _reduce_copies(selected_vertices("fixed", controls["fixed"], len(welds)), welds, np.maximum)
     creases = np.asarray(controls["creases"])
     if creases.ndim == 2 and creases.dtype.kind in "iu":
         within = (creases >= 0) & (creases < len(welds))  # other indices are rejected where the controls are applied

@@ -22,7 +22,7 @@ def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> 
     if controls["mask"] is not None:
         weights *= mask_weights(controls["mask"], count)
     if controls["fixed"] is not None:
-        weights[fixed_vertices(controls["fixed"], count)] = 0.0
+        weights[selected_vertices("fixed", controls["fixed"], count)] = 0.0
     if controls["only"] is not None:
         weights[faces[~selected_faces(controls["only"], len(faces))]] = 0.0
     return weights
@@ -46,12 +46,7 @@ def mask_weights(given: Any, count: int) -> NDArray[Any]:
     return mask
 
 
-def fixed_vertices(fixed: Any, count: int) -> NDArray[np.bool_]:
-    """Return (count,) bool for vertices fixed by indices or by (count,) bool; refuse other selections."""
-    return selected_vertices("fixed", fixed, count)
-
-
-def selected_vertices(name: str, given: ArrayLike, count: int) -> NDArray[np.bool_]:
+def selected_vertices(name: str, given: Any, count: int) -> NDArray[np.bool_]:
     """Return (count,) bool for vertices selected by indices or by (count,) bool; refuse other selections."""
     return _selected(name, np.asarray(given), count, "vertex", "vertices")
 

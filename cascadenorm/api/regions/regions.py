@@ -15,7 +15,7 @@ from cascadenorm.api.opened_files import DenoisingSummary, opened_file, written_
 from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
-from cascadenorm.controls.weights import fixed_vertices, mask_weights
+from cascadenorm.controls.weights import mask_weights, selected_vertices
 from cascadenorm.errors import MeshError, OutputError, ParameterError
 from cascadenorm.io.atomic import make_folder
 from cascadenorm.mesh import Ints, Mesh, connected_components, first_of_each, limit_threads
@@ -193,7 +193,8 @@ def _concatenated(regions: Sequence[Region]) -> Controls:
     if one["mask"] is not None:
         one["mask"] = np.concatenate([mask_weights(r.controls["mask"], len(r.mesh.vertices)) for r in regions])
     if one["fixed"] is not None:
-        one["fixed"] = np.concatenate([fixed_vertices(r.controls["fixed"], len(r.mesh.vertices)) for r in regions])
+        fixed = [selected_vertices("fixed", r.controls["fixed"], len(r.mesh.vertices)) for r in regions]
+        one["fixed"] = np.concatenate(fixed)
     if one["only"] is not None:
         one["only"] = np.concatenate([np.asarray(region.controls["only"]) for region in regions])
     if np.ndim(cast(ArrayLike, one["creases"])):
