@@ -15,7 +15,6 @@ class OrientedPatches(NamedTuple):
     patch: NDArray[np.int32]  # (m,) first face of each face's patch
     flipped: NDArray[np.bool_]  # (m,) whether each face is oriented opposite to that face
     at_boundary: NDArray[np.bool_]  # (m,) whether each face has an edge on the boundary of its patch
-    single_sided: bool  # whether any patch is non-orientable, such as a Möbius strip
 
 
 def oriented(mesh: Mesh) -> Mesh:
@@ -42,13 +41,13 @@ def oriented_patches(mesh: Mesh) -> OrientedPatches:
     """Find the patches of a mesh, as `oriented` describes them."""
     count, around = len(mesh.faces), mesh.topology.edge_faces
     found = np.arange(count, dtype=np.int32), np.zeros(count, bool), np.zeros(count, bool)
-    single_sided = _join(mesh.faces, mesh.topology.edges, around, *found)
-    return OrientedPatches(*found, bool(single_sided))
+    _join(mesh.faces, mesh.topology.edges, around, *found)
+    return OrientedPatches(*found)
 
 
 def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
     """Return (m,) whether each face must be flipped."""
-    count, (patch, flipped, at_boundary, _) = len(mesh.faces), oriented_patches(mesh)
+    count, (patch, flipped, at_boundary) = len(mesh.faces), oriented_patches(mesh)
     wanted, volume = np.zeros(count), np.zeros(count)
     _weigh(mesh.vertices, mesh.faces, patch, flipped, wanted, volume)
     wanted[wanted == 0] = 1.0
@@ -71,13 +70,12 @@ def _weigh(vertices: Vectors, faces: Ints32, patch: Ints32, flipped: Bools, majo
 
 
 @kernel
-def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Bools, at_boundary: Bools) -> bool:
-    """Find the first face of each face's patch and the relative orientation; return whether a patch is single-sided.
+def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Bools, at_boundary: Bools) -> None:
+    """Find the first face of each face's patch, the relative orientation, and the faces at the boundary of a patch.
 
     The algorithm is union-find with a parity bit per face. Until the last loop, `patch` refers to an earlier face of
     the same patch, and `flipped` is relative to that face.
     """
-    single_sided = False
     for e in range(len(edges)):
         a, b = edges[e]
         # an edge joins its faces if they have at most two distinct third vertices: one face, two, or copies of them
@@ -103,22 +101,19 @@ def _join(faces: Ints32, edges: Ints32, around: Csr, patch: Ints32, flipped: Boo
                 first, first_apex, first_runs = f, apex, runs
             elif apexes <= 2:
                 # neighbours traverse their edge in opposite directions, copies of a face in the same direction
-                single_sided |= _unite(patch, flipped, first, f, (runs == first_runs) != (apex == first_apex))
+                _unite(patch, flipped, first, f, (runs == first_runs) != (apex == first_apex))
     for f in range(len(patch)):
         patch[f], flipped[f] = _find(patch, flipped, np.int32(f))
-    return single_sided
 
 
 @kernel
-def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> bool:
-    """Join the patches of two faces; return True if they are joined already with a contradictory orientation."""
+def _unite(patch: Ints32, flipped: Bools, f: Index, g: Index, opposed: bool) -> None:
+    """Join the patches of two faces; if they are in the same patch, a contradictory orientation is ignored."""
     root, odd = _find(patch, flipped, f)
     other, other_odd = _find(patch, flipped, g)
     if root != other:
         patch[max(root, other)] = min(root, other)
         flipped[max(root, other)] = odd ^ other_odd ^ opposed
-        return False
-    return bool(odd ^ other_odd ^ opposed)
 
 
 @kernel
