@@ -24,9 +24,10 @@ def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = DRIFT_PASSES) 
 
     Returns
     -------
-    (n, 3) corrected vertices. Vertices without a face keep the given position.
+    (n, 3) corrected vertices. Vertices without a face, and those that have not moved, keep the given position.
     """
     normals = mesh.moved(vertices).vertex_normals
     drift = np.einsum("ij,ij->i", vertices - mesh.vertices, normals)
     drift = averaged(drift, mesh.topology.vertex_neighbors, passes)
+    drift[(vertices == mesh.vertices).all(axis=1)] = 0
     return np.asarray(vertices - drift[:, None] * normals)

@@ -33,6 +33,14 @@ def test_nothing_happens_to_what_has_not_moved():
     assert without_drift(BALL, BALL.vertices).tobytes() == BALL.vertices.tobytes()
 
 
+def test_vertices_that_have_not_moved_stay_where_the_rest_of_a_component_drifts():
+    low = BALL.vertices[:, 2] < 0
+    found = without_drift(BALL, np.where(low[:, None], BALL.vertices, 1.01 * BALL.vertices))
+    assert found[low].tobytes() == BALL.vertices[low].tobytes()
+    left = np.linalg.norm(found[BALL.vertices[:, 2] > 0.5], axis=1) - 1
+    assert rms(left) < 0.15 * 0.01
+
+
 def test_it_turns_and_scales_with_the_mesh():
     rng = np.random.default_rng(1)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
