@@ -26,6 +26,7 @@ PAGES = {
     "packaged-models": ("benchmarks/accuracy.md", "accuracy.packaged_models.table"),
     "real-errors": ("benchmarks/accuracy.md", "accuracy.kinds.table"),
     "peers": ("benchmarks/accuracy.md", "accuracy.kinds.peer_table"),
+    "elongated": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "levels": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "scans": ("benchmarks/accuracy.md", "accuracy.scans.table"),

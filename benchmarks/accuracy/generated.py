@@ -2,12 +2,14 @@
 
     python -m benchmarks.accuracy.generated levels [--shapes 8] [--record]
     python -m benchmarks.accuracy.generated extractors [--shapes 8] [--voxels 60] [--record]
+    python -m benchmarks.accuracy.generated elongated [--shapes 12] [--record]
 
 `levels` meshes each shape with real kinds of error from weak to strong: from grey volumes with more and more grain,
 from points with larger and larger errors, and with error that is correlated over several edges; and simulates laser
 scans of other shapes with larger and larger errors. `extractors` labels
-each shape on a lattice and meshes the mask by VTK in several ways (extra `pyvista`). The tables have the mean angle to
-the true surface by area, in degrees; both are shown in benchmarks/accuracy.md.
+each shape on a lattice and meshes the mask by VTK in several ways (extra `pyvista`). `elongated` adds noise along the
+normals to parametric surfaces over grids, most with elongated triangles (extra `pyvista`). The tables have the mean
+angle to the true surface by area, in degrees; all are shown in benchmarks/accuracy.md.
 """
 
 import argparse
@@ -34,9 +36,13 @@ from cascadenorm.mesh import Mesh, angles_between, thread_count
 
 SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")
 METHODS = ("auto", "guided-normal", "bilateral-normal", "taubin")
-SEEDS = {"levels": 992, "extractors": 991}
+SEEDS = {"levels": 992, "extractors": 991, "elongated": 993}
 FACES = 10_000
 
+TURN = 2 * np.pi
+
+Grid = NDArray[np.float64]
+Points = tuple[Grid, Grid, Grid]
 Mask = NDArray[np.bool_]
 Maker = Callable[[ShapeFamily, float, np.random.Generator], Measured]
 
@@ -123,24 +129,71 @@ EXTRACTORS: dict[str, Callable[[Mask], Any]] = {
 }
 
 
+def vase(u: Grid, v: Grid) -> Points:
+    """Return points of a surface of revolution with two waves along its axis, for parameters from 0 to 1."""
+    radius = 0.5 + 0.2 * np.sin(5 * v) + 0.1 * np.cos(11 * v)
+    return radius * np.cos(TURN * u), radius * np.sin(TURN * u), 2 * v
+
+
+def helix(u: Grid, v: Grid) -> Points:
+    """Return points of a tube around three turns of a helix."""
+    arm = 1 + 0.25 * np.cos(TURN * v)
+    return arm * np.cos(3 * TURN * u), arm * np.sin(3 * TURN * u), 0.25 * np.sin(TURN * v) + 2.2 * u
+
+
+def wing(u: Grid, v: Grid) -> Points:
+    """Return points of a tapered wing with a sharp trailing edge."""
+    chord = 1 - 0.5 * v
+    thickness = 0.15 * np.sin(TURN * u) * (1 + np.cos(TURN * u))
+    return chord * np.cos(TURN * u), chord * thickness, 4 * v
+
+
+def over_grid(surface: Callable[[Grid, Grid], Points], rows: int, columns: int) -> Any:
+    """Return a parametric surface over a grid of rows × columns points."""
+    import pyvista
+
+    u, v = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
+    return pyvista.StructuredGrid(*(x[..., None] for x in surface(u, v))).extract_surface(algorithm="dataset_surface")
+
+
+def of_vtk(name: str) -> Any:
+    """Return a parametric surface of VTK over a grid of 100 × 100 points."""
+    import pyvista
+
+    return getattr(pyvista, f"Parametric{name}")()
+
+
+SURFACES: tuple[Callable[[], Any], ...] = (
+    *(partial(of_vtk, name) for name in ("Bour", "Dini", "ConicSpiral", "Klein", "Boy", "Enneper", "SuperToroid")),
+    partial(over_grid, vase, 41, 400),
+    partial(over_grid, vase, 401, 60),
+    partial(over_grid, helix, 100, 81),
+    partial(over_grid, helix, 600, 17),
+    partial(over_grid, wing, 201, 30),
+)
+HEIGHTS = 0.0, 0.1, 0.3
+"""Standard deviations of the noise on parametric surfaces, in median heights of the triangles."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the meshes, denoise and measure them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=SEEDS)
-    parser.add_argument("--shapes", type=int, default=8, help="number of shapes")
+    parser.add_argument("--shapes", type=int, help="number of shapes (default: 8, or all 12 parametric surfaces)")
     parser.add_argument("--voxels", type=int, default=60, help="of masks, along the longest side of a shape")
     running.add_methods(parser, METHODS)
     parser.add_argument("--record", action="store_true", help="write the figures and their table")
     options = parser.parse_args(arguments)
     methods = running.chosen_methods(options)
-    each = partial(of_levels, methods=methods)
+    count = options.shapes or (len(SURFACES) if options.kind == "elongated" else len(SHAPES))
+    each = partial(of_elongated if options.kind == "elongated" else of_levels, methods=methods)
     if options.kind == "extractors":
         each = partial(of_extractors, methods=methods, voxels=options.voxels)
     found = []
     with parallel_map(thread_count()) as mapped:
-        for angles in mapped(each, range(options.shapes)):
+        for angles in mapped(each, range(count)):
             found.append(angles)
-            print(f"shape {len(found)} of {options.shapes}", flush=True)
+            print(f"shape {len(found)} of {count}", flush=True)
     rows = {name: np.mean([angles[name] for angles in found], axis=0).tolist() for name in found[0]}
     figures = {"columns": ["mesh", *methods], "rows": rows}
     results.report(options.kind if options.record else None, figures, table)
@@ -184,6 +237,21 @@ def of_extractors(number: int, *, methods: Sequence[str], voxels: int) -> dict[s
     for name, extract in EXTRACTORS.items():
         made = placed(field, extract(mask).triangulate().clean(), nodes[0, 0, 0], size)
         found[name] = angles_of(made.noisy, made.normals, methods)
+    return found
+
+
+def of_elongated(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
+    """Return the angles of a parametric surface at each level of noise."""
+    surface = SURFACES[number % len(SURFACES)]().triangulate().clean()
+    clean = Mesh(np.asarray(surface.points, np.float64), surface.faces.reshape(-1, 4)[:, 1:])
+    corners = clean.vertices[clean.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    height = np.median(2 * clean.areas / longest)
+    found = {}
+    for share in HEIGHTS:
+        heights = np.random.default_rng([SEEDS["elongated"], number]).normal(0, share * height, len(clean.vertices))
+        noisy = clean.moved(clean.vertices + heights[:, None] * clean.vertex_normals)
+        found[f"noise of {share:g} heights"] = angles_of(noisy, clean.face_normals, methods)
     return found
 
 
