@@ -244,9 +244,7 @@ def of_elongated(number: int, *, methods: Sequence[str]) -> dict[str, list[float
     """Return the angles of a parametric surface at each level of noise."""
     surface = SURFACES[number % len(SURFACES)]().triangulate().clean()
     clean = Mesh(np.asarray(surface.points, np.float64), surface.faces.reshape(-1, 4)[:, 1:])
-    corners = clean.vertices[clean.faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    height = np.median(2 * clean.areas / longest)
+    height = np.median(clean.heights)
     found = {}
     for share in HEIGHTS:
         heights = np.random.default_rng([SEEDS["elongated"], number]).normal(0, share * height, len(clean.vertices))
