@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError
+from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, channels, from_words
 from cascadenorm.io.text.number_format import lines_of, replace_words, rows_of
-from cascadenorm.io.text.text import Text
+from cascadenorm.io.text.text import Text, shown
 from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, ranges
@@ -35,11 +35,18 @@ class OffFile(MeshFile):
         lines = np.arange(len(text.first))
         if not len(lines):
             raise ReadError("the OFF file has no line with the counts of vertices and faces: it is empty or truncated")
+        if text.stop[0] - text.first[0] < 2:
+            raise ReadError(
+                f"line {text.line_number(text.starts[0])} has {shown(text.word(0))} instead of the counts of vertices "
+                "and faces: the file is truncated there, or damaged; get a complete copy"
+            )
         vertex_count, face_count = text.integers(text.columns(lines[:1], 2, start=0)[0]).tolist()
         if min(vertex_count, face_count) < 0 or vertex_count + face_count > len(lines) - 1:
             raise ReadError(
-                f"the OFF header declares {vertex_count} vertices and {face_count} faces, a line each, but only "
-                f"{len(lines) - 1} lines follow: the file is truncated, or its header is wrong; get a complete copy"
+                f"the OFF header declares {counted(vertex_count, 'vertex', 'vertices')} and "
+                f"{counted(face_count, 'face')}, a line each, but only "
+                f"{counted(len(lines) - 1, 'line follows', 'lines follow')}: the file is truncated, or its header is "
+                "wrong; get a complete copy"
             )
         self._vertices, self._faces = np.split(lines[1 : 1 + vertex_count + face_count], [vertex_count])
         self._words = text.columns(self._vertices, 3, start=0)

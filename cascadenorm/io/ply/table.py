@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError
+from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.content import with_distinct_names
 from cascadenorm.io.ply.header import NAMES, PlyElement, PlyProperty
 from cascadenorm.io.text.number_format import rows_of
@@ -76,7 +76,7 @@ def columns(body: Body, element: PlyElement, start: int, kinds: list[PropertyKin
     least = sum((kind.length or kind.value).itemsize for kind in kinds)
     if element.rows * least > len(body) - start:
         raise ReadError(
-            f"the header declares {element.rows} rows of '{element.name}', but the file ends in row "
+            f"the header declares {counted(element.rows, 'row')} of '{element.name}', but the file ends in row "
             f"{(len(body) - start) // least}: it is truncated, or its header is wrong; get a complete copy"
         )
     found, stop = _walk(body, element, start, kinds, min(1, element.rows))

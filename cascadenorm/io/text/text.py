@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.errors import ReadError
+from cascadenorm.errors import ReadError, counted
 from cascadenorm.io.text.tokenizer import Offsets, begins_with, decimals, find_words
 from cascadenorm.mesh import parallel_for
 
@@ -75,7 +75,7 @@ class Text:
             line = lines[short[0]]
             raise ReadError(
                 f"line {self.line_number(self.starts[self.first[line]])} has "
-                f"{self.stop[line] - self.first[line]} values and needs {words[short[0]]}: "
+                f"{counted(int(self.stop[line] - self.first[line]), 'value')} and needs {words[short[0]]}: "
                 "the file is truncated there, or damaged; get a complete copy"
             )
 
@@ -106,7 +106,7 @@ class Text:
             bad = np.flatnonzero(~((values == np.rint(values)) & (np.abs(values) < 2**53)))
             if len(bad):
                 start, end = int(flat_starts[block][bad[0]]), int(flat_ends[block][bad[0]])
-                raise ReadError(f"line {self.line_number(start)}: {_shown(self.data[start:end])} is not a whole number")
+                raise ReadError(f"line {self.line_number(start)}: {shown(self.data[start:end])} is not a whole number")
             integers[block] = values
         return integers.reshape(starts.shape)
 
@@ -118,7 +118,7 @@ class Text:
             if lax or NOT_FINITE.fullmatch(word):
                 return np.nan
             raise ReadError(
-                f"line {self.line_number(start)}: {_shown(word)} is not a number: "
+                f"line {self.line_number(start)}: {shown(word)} is not a number: "
                 "correct this line, or export the file again"
             ) from None
 
@@ -135,7 +135,8 @@ def as_short(values: NDArray[Any], digits: int) -> NDArray[Any]:
     return values if digits > SINGLE_DIGITS or (np.isinf(single) & np.isfinite(values)).any() else single
 
 
-def _shown(word: bytes) -> str:
+def shown(word: bytes) -> str:
+    """Return the beginning of a word in quotes, for messages."""
     return repr(word[:40].decode("latin-1"))
 
 
