@@ -351,6 +351,7 @@ class _Run:
             "input_sha256": outcome.input_digest,
             "output": self._name(task.job),
             "output_sha256": outcome.output_digest or previous.get("output_sha256"),
+            "copies": previous.get("copies") or {} if outcome.copies is None else outcome.copies,
             "settings": self.key,
             "attempts": self.attempts[task.job],
             "seconds": outcome.seconds,

@@ -16,11 +16,12 @@ from cascadenorm.api import api
 from cascadenorm.api.opened_files import DenoisingSummary
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
+from cascadenorm.batch.referenced_files import Digests, are_current, check_copies, copies_beside
 from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, upload
 from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest
-from cascadenorm.io.files import is_url
+from cascadenorm.io.files import copied_names, is_url
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -56,6 +57,7 @@ class Outcome:
     # input_digest, output_digest: digests of the source and the result, if known
     input_digest: str | None = None
     output_digest: str | None = None
+    copies: Digests | None = None  # of referenced files, as they were copied; None if not known
     summary: DenoisingSummary | None = None
     error: Exception | None = None
     then: Literal["continue", "retry", "stop"] = "continue"  # after a failure; "stop" if the disk is full
@@ -106,10 +108,20 @@ def _checked(settings: BatchSettings, task: Task) -> Outcome:
     same = line is not None and line["status"] == "done" and line["settings"] == settings.key
     digest = _digest(job.source, task) if same or not is_url(job.source) else None  # no needless download
     _check_target(settings, task)  # before the `started` line, which marks an existing file as ours
-    if line is None or not same or line["input_sha256"] != digest:
+    if line is None:
         return Outcome(status="new", input_digest=digest)
-    kept = _exists(job.output) and _digest(job.output, task) == line["output_sha256"]
-    return Outcome(status="kept" if kept else "new", input_digest=digest)
+    copies: Digests = line.get("copies") or {}
+    unchanged = same and line["input_sha256"] == digest and are_current(copies, Path(job.source), Path(job.output))
+    if unchanged and _exists(job.output) and _digest(job.output, task) == line["output_sha256"]:
+        return Outcome(status="kept", input_digest=digest)
+    if not settings.force and _is_local(job):
+        check_copies(copies, Path(job.source), Path(job.output))
+    return Outcome(status="new", input_digest=digest)
+
+
+def _is_local(job: Job) -> bool:
+    """Test that a file and its result are on this machine, so that the files it refers to are copied."""
+    return not is_url(job.source) and not is_url(job.output)
 
 
 def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
@@ -118,12 +130,12 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
         digest = task.digest or file_and_buffers_digest(source)
         make_folder(output.parent)
         try:
-            summary = api.denoise_file(
+            summary, _, after = api.denoise_file_with_meshes(
                 source,
                 output,
                 method=settings.method,
                 parameters=dict(settings.parameters),
-                force=settings.force or is_url(job.output) or _is_ours(task),
+                force=settings.force or is_url(job.output) or _may_replace(task),
                 **settings.controls,
             )
         except CascadenormError as error:
@@ -134,6 +146,8 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
             output.unlink(missing_ok=True)
             raise ChangedError(f"{job.source} changed while it was read", hint="try again when it is complete")
         written = file_and_buffers_digest(output)
+        names = copied_names(after, io.output_format(output)) if _is_local(job) else []
+        copies = copies_beside(names, source, output)
         if is_url(job.output):
             _check_target(settings, task)
             upload(output.parent, job.output)
@@ -141,6 +155,7 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
         status="done",
         input_digest=digest,
         output_digest=written,
+        copies=copies,
         summary=replace(summary, source=job.source, output=job.output),
         seconds=time.perf_counter() - start,
     )
@@ -150,7 +165,7 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
 def _here(task: Task) -> Iterator[tuple[Path, Path]]:
     """Provide local paths of a file and its result; copies of remote files exist only within the context."""
     source, output = task.job.source, task.job.output
-    if not is_url(source) and not is_url(output):
+    if _is_local(task.job):
         yield Path(source), Path(output)
         return
     with TemporaryDirectory(prefix="cascadenorm-", dir=task.scratch) as scratch:
@@ -188,6 +203,11 @@ def _check_target(settings: BatchSettings, task: Task) -> None:
         check_output(Path(output), force=settings.force or _is_ours(task))
 
 
+def _may_replace(task: Task) -> bool:
+    """Test whether the result and the copies beside it may be replaced, after their check."""
+    return _is_ours(task) or (task.line is not None and not _exists(task.job.output))
+
+
 def _is_ours(task: Task) -> bool:
     """Test whether an existing file is a result of the batch, which may be replaced.
 
@@ -205,6 +225,8 @@ def _after(error: Exception, job: Job) -> Literal["continue", "retry", "stop"]:
     cause = error.__cause__ or error
     if isinstance(cause, OSError) and cause.errno in FULL:
         return "stop"
-    passing = isinstance(error, MemoryError | ChangedError) or (isinstance(cause, OSError) and cause is not error)
+    temporary = isinstance(error, MemoryError | ChangedError) or (isinstance(cause, OSError) and cause is not error)
+    # a copy that belongs to several meshes is outdated until the first of them is denoised again
+    shared = isinstance(error, OutputError) and bool(error.existing)
     lasting = isinstance(cause, PermissionError) or (isinstance(cause, FileNotFoundError) and job.changed is None)
-    return "retry" if passing and not lasting else "continue"
+    return "retry" if (temporary or shared) and not lasting else "continue"

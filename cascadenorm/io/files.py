@@ -188,6 +188,17 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
         sidecar_files(file, path, force=force)
 
 
+def copied_names(file: MeshFile, format: str) -> list[str]:
+    """Return the names of the files, such as textures, that `write` copies beside an output in another folder.
+
+    Buffers of a glTF are not among them, since they are parts of the mesh.
+    """
+    kind = _kind(format)
+    assert kind is not None
+    written = file if file.format == format else file.repacked(kind)
+    return [] if written is None else [name for name, needed in written.refers_to().items() if not needed]
+
+
 def check_stream(target: Source) -> None:
     """Raise OutputError if a target is neither a path nor a stream that takes bytes."""
     if isinstance(target, str | os.PathLike):

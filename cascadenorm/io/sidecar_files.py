@@ -87,6 +87,7 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
                 f"{copy} exists already and differs from the referenced file {_shown(name)}",
                 hint="choose another folder",
                 remedy=("force", True),
+                existing=[name],
             )
         copies[copy] = [content]
     return copies, missing
