@@ -1,6 +1,7 @@
 """Read mesh files, write them with new vertices, and summarize the change."""
 
 import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from glob import has_magic
 from os import PathLike, fspath
@@ -19,6 +20,7 @@ from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError, counted
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
+from cascadenorm.io.base import Piece
 from cascadenorm.io.files import beside, check_extension, check_stream, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
@@ -192,14 +194,18 @@ def written_file(
     *,
     seconds: float,
     force: bool,
+    others: Mapping[Path, Iterable[Piece]] | None = None,
 ) -> Denoised:
-    """Write a file with new vertices of its mesh, and return the summary with the controls as the caller gave them."""
+    """Write a file with new vertices of its mesh, and return the summary with the controls as the caller gave them.
+
+    `others` are the contents of further files, which are written with it or not at all.
+    """
     source, output, file, mesh = opened.source, opened.output, opened.file, opened.mesh
 
     try:
         # formats with integer coordinates round within the limit
         moved = moved_file(file, applied.vertices, mesh, controls)
-        left_out = io.write(moved, output, format=opened.format, force=force)
+        left_out = io.write(moved, output, format=opened.format, force=force, others=others)
     except ReadError as error:  # a fault of the source that only some output formats detect
         raise error.within(source_name(source)) from error.__cause__
 

@@ -3,7 +3,7 @@
 import codecs
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from io import BytesIO, TextIOBase
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -19,7 +19,6 @@ from cascadenorm.io.atomic import (
     is_special,
     make_folder,
     unfinished_name,
-    write_atomically,
     write_stream,
     write_together,
 )
@@ -122,8 +121,19 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         raise error.within(name) from error.__cause__
 
 
-def write(file: MeshFile, target: Source, *, format: str | None = None, force: bool = False) -> list[str]:
-    """Write a file atomically as `cascadenorm.write` does; return what the format cannot store, in words."""
+def write(
+    file: MeshFile,
+    target: Source,
+    *,
+    format: str | None = None,
+    force: bool = False,
+    others: Mapping[Path, Iterable[Piece]] | None = None,
+) -> list[str]:
+    """Write a file atomically as `cascadenorm.write` does; return what the format cannot store, in words.
+
+    If the target is a path, `others` are the contents of further files, which are written with it or not at all.
+    """
+    others = others or {}
     if not isinstance(file, MeshFile):
         raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
     path = Path(target) if isinstance(target, str | os.PathLike) else None
@@ -141,7 +151,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
             for copy in beside:
                 make_folder(copy.parent)
             try:
-                _write_files(file, path, beside, force=force)
+                _write_files(file, path, {**others, **beside}, force=force)
             except OutputError:  # another process may have written the same texture in the meantime
                 if len(sidecar_files(file, path, force=force)[0]) == len(beside):
                     raise
@@ -149,7 +159,7 @@ def write(file: MeshFile, target: Source, *, format: str | None = None, force: b
                 return [*lost, *_lost(file)]
     pieces, lost = (file.pieces(), _lost(file)) if file.format == chosen else _encoded(file, kind)
     if path:
-        write_atomically(path, pieces, force=force)
+        write_together([*others.items(), (path, pieces)], force=force)
     else:
         write_stream(cast(BinaryIO, target), pieces)
     return lost

@@ -15,7 +15,7 @@ from cascadenorm.api.apply import Applied, reported_controls
 from cascadenorm.api.opened_files import Opened, written_file
 from cascadenorm.errors import MeshError, OutputError
 from cascadenorm.execution.progress import Listener
-from cascadenorm.io.atomic import check_output, write_together
+from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import check_target, is_mesh_name
 from cascadenorm.registry.controls import Controls
 from cascadenorm.reports.facts import Recipe, command_line, python_call
@@ -27,7 +27,7 @@ from cascadenorm.studio.workbench import Workbench
 def save(
     bench: Workbench, settings: dict[str, Any], target: Path, listener: Listener, *, force: bool
 ) -> dict[str, Any]:
-    """Write the result, and the paint beside it.
+    """Write the result and the paint beside it, both or neither.
 
     Returns `file`, the path as it was given; `files`, the absolute paths of all files that were written; `left_out`,
     what the format cannot hold, in words; and `command` and `python`, text that makes the file again. Raises
@@ -53,8 +53,8 @@ def save(
         asked.controls,
         seconds=result.seconds,
         force=force,
+        others={path: [_npy(values)] for path, values in painted.values()},
     )
-    write_together([(path, [_npy(values)]) for path, values in painted.values()], force=force)
     sidecars = bench.file.may_write(target) if format == bench.file.format else ()
     files = [str(path.absolute()) for path in dict.fromkeys([*paths, *sidecars]) if path.is_file()]
     about = {"file": str(target), "files": files, "left_out": list(done.summary.left_out)}
