@@ -16,7 +16,8 @@ from cascadenorm.api.opened_files import Opened, written_file
 from cascadenorm.errors import MeshError, OutputError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output
-from cascadenorm.io.files import check_target, is_mesh_name
+from cascadenorm.io.files import is_mesh_name
+from cascadenorm.io.sidecar_files import file_beside
 from cascadenorm.registry.controls import Controls
 from cascadenorm.reports.facts import Recipe, command_line, python_call
 from cascadenorm.studio.painting import has_paint
@@ -31,19 +32,21 @@ def save(
 
     Returns `file`, the path as it was given; `files`, the absolute paths of all files that were written; `left_out`,
     what the format cannot hold, in words; and `command` and `python`, text that makes the file again. Raises
-    OutputError if a file exists and force is not given, it cannot be written, or its name has no extension.
+    OutputError if a file exists and force is not given, it cannot be written, its name has no extension, or it is the
+    opened file.
     """
     asked, result = bench.asked(settings), bench.result(settings, listener)
     painted = _painted(bench, asked, target)
     format = io.output_format(target.name)
-    paths = [target, *(path for path, _ in painted.values())]
+    sidecars = bench.file.may_write(target) if format == bench.file.format else ()
+    paths = list(dict.fromkeys([target, *(path for path, _ in painted.values()), *sidecars]))
     for path in paths:
         check_output(path, force=True)
+        _check_not_opened(bench, path)
     existing = [path.name for path in paths if path.is_file()]
     if existing and not force:
         problem = f"{' and '.join(existing)} {'exists' if len(existing) == 1 else 'exist'} already"
         raise OutputError(problem, hint="choose another name", remedy=("force", True), existing=existing)
-    check_target(bench.file, target, format=format, force=force)
     opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
     done = written_file(
         opened,
@@ -55,8 +58,7 @@ def save(
         force=force,
         others={path: [_npy(values)] for path, values in painted.values()},
     )
-    sidecars = bench.file.may_write(target) if format == bench.file.format else ()
-    files = [str(path.absolute()) for path in dict.fromkeys([*paths, *sidecars]) if path.is_file()]
+    files = [str(path.absolute()) for path in paths if path.is_file()]
     about = {"file": str(target), "files": files, "left_out": list(done.summary.left_out)}
     return {**about, **recipe(bench, settings, target)}
 
@@ -89,6 +91,20 @@ def recipe(bench: Workbench, settings: dict[str, Any], target: Path) -> dict[str
     made = Recipe(bench.name, str(target), asked.method.name, asked.parameters, asked.controls["strength"], controls)
     painted = [Path(path).name for path in files.values()]
     return {"command": command_line(made), "python": python_call(made), "painted": painted}
+
+
+def _check_not_opened(bench: Workbench, path: Path) -> None:
+    """Raise OutputError for the opened file and the files it refers to, which commands and a new process read again."""
+    beside = (file_beside(bench.path.parent, name) for name in bench.file.refers_to())
+    own = [bench.path, Path(bench.name), *(found for found in beside if found is not None)]
+    if any(path.absolute() == one.absolute() or _same_file(path, one) for one in own):
+        problem = f"{path.name} is the opened file, or a part of it, and the studio keeps it"
+        raise OutputError(problem, hint="choose another name")
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    """Test whether two names are of one file, such as a link, or another case where that makes no difference."""
+    return one.exists() and other.exists() and one.samefile(other)
 
 
 def _painted(bench: Workbench, asked: Chosen, target: Path) -> dict[str, tuple[Path, NDArray[Any]]]:
@@ -144,5 +160,6 @@ class Requests:
             case "download":
                 return download(self._bench, given["settings"], given["name"], listener)
             case "recipe":
+                _check_not_opened(self._bench, Path(given["target"]))
                 return recipe(self._bench, given["settings"], Path(given["target"]))
         raise ValueError(kind)

@@ -1,5 +1,7 @@
 """Requests about the open mesh, made in this process."""
 
+import json
+from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
@@ -48,3 +50,34 @@ def test_a_result_and_its_paint_are_written_together_or_not_at_all(opened, monke
     assert [path.name for path in Path().iterdir()] == ["rough.ply"]
     done = asked(opened, "save", settings=SETTINGS, target=name, force=False)
     assert [Path(path).name for path in done["files"]] == [name, "out_fixed.npy"]
+
+
+@pytest.mark.parametrize("name", ["rough.ply", "link.ply"])
+def test_the_opened_file_is_not_replaced(opened, name):
+    Path("link.ply").symlink_to("rough.ply")
+    before = Path("rough.ply").read_bytes()
+    for kind, further in (("save", {"force": True}), ("recipe", {})):
+        with pytest.raises(OutputError, match=rf"{name} is the opened file.*: choose another name") as refused:
+            asked(opened, kind, settings=SETTINGS, target=name, **further)
+        assert not refused.value.existing  # the page offers no replacement
+    assert Path("rough.ply").read_bytes() == before and Path("link.ply").is_symlink()
+    assert asked(opened, "download", settings=SETTINGS, name="rough.ply")["files"] == ["rough.ply"]
+
+
+def test_buffers_of_the_opened_file_are_not_replaced_and_those_of_others_are_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_mesh(Path("opened.gltf"), ROUGH)
+    document = json.loads(Path("opened.gltf").read_text("utf-8"))
+    (buffer,) = document["buffers"]
+    Path("other.bin").write_bytes(b64decode(buffer["uri"].partition(",")[2]))
+    Path("opened.gltf").write_text(json.dumps({**document, "buffers": [{**buffer, "uri": "other.bin"}]}), "utf-8")
+    requests = Requests()
+    asked(requests, "open", path=str(tmp_path / "opened.gltf"), name="opened.gltf")
+    with pytest.raises(OutputError, match=r"other\.bin is the opened file, or a part of it"):
+        asked(requests, "save", settings=SETTINGS, target="other.gltf", force=True)
+    Path("out.bin").write_bytes(b"precious")
+    with pytest.raises(OutputError, match=r"out\.bin exists already") as refused:
+        asked(requests, "save", settings=SETTINGS, target="out.gltf", force=False)
+    assert refused.value.existing == ["out.bin"]
+    asked(requests, "save", settings=SETTINGS, target="out.gltf", force=True)
+    assert Path("out.bin").read_bytes() != b"precious"
