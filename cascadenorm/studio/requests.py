@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cascadenorm import io
 from cascadenorm.api.apply import Applied, reported_controls
 from cascadenorm.api.opened_files import Opened, written_file
-from cascadenorm.errors import MeshError, OutputError
+from cascadenorm.errors import CascadenormError, MeshError, OutputError, ReadError
 from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output
 from cascadenorm.io.files import is_mesh_name
@@ -128,19 +128,22 @@ class Requests:
 
     def __init__(self) -> None:
         self._opened: Workbench | None = None
+        self._lost: CascadenormError | None = None  # why the mesh of an earlier process could not be opened again
 
     @property
     def _bench(self) -> Workbench:
         if self._opened is None:
+            if self._lost is not None:
+                raise self._lost
             raise MeshError("no mesh is open", hint="open one")
         return self._opened
 
     def done(self, kind: str, given: dict[str, Any], listener: Listener, preview: Callable[[bytes], object]) -> Any:
         """Handle a request of a kind with the given arguments.
 
-        "form" describes the methods; "which" of several file names is a mesh, by its number; "open" opens a mesh; of
-        the open one there are "paint", "denoise", "save", "download" and "recipe". `listener` is called with the
-        fraction done, and `preview` with the scene of a coarse mesh.
+        "form" describes the methods; "which" of several file names is a mesh, by its number; "open" opens a mesh, and
+        "reopen" that of an earlier process; of the open one there are "paint", "denoise", "save", "download" and
+        "recipe". `listener` is called with the fraction done, and `preview` with the scene of a coarse mesh.
         """
         match kind:
             case "form":
@@ -150,6 +153,8 @@ class Requests:
             case "open":
                 self._opened = Workbench(Path(given["path"]), given["name"])
                 return self._opened.about()
+            case "reopen":
+                return self._reopen(Path(given["path"]), given["name"], given["digest"])
             case "paint":
                 return self._bench.take_paint(given["codes"])
             case "denoise":
@@ -163,3 +168,14 @@ class Requests:
                 _check_not_opened(self._bench, Path(given["target"]))
                 return recipe(self._bench, given["settings"], Path(given["target"]))
         raise ValueError(kind)
+
+    def _reopen(self, path: Path, name: str, digest: str) -> None:
+        """Open the mesh that the page shows; if its file has changed, all requests about it fail."""
+        try:
+            bench = Workbench(path, name)
+            if bench.digest != digest:
+                raise ReadError(f"{name} has changed since it was opened", hint="start the studio again")
+        except CascadenormError as error:
+            self._lost = error
+            raise
+        self._opened = bench

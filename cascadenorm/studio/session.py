@@ -38,6 +38,7 @@ class Session:
         self._pages: set[asyncio.Queue[Event]] = set()
         self.file: tuple[Path, str] | None = None
         """The path of the open file, and its name in messages."""
+        self._digest = ""  # of the open file
         self.painted = b""
         """The paint on the open mesh, one code for each displayed vertex; empty if there is none."""
         self.opened: Event = {"type": "empty"}
@@ -62,6 +63,7 @@ class Session:
         self.cancel()
         about = await self.ask("open", path=str(path), name=name)
         self.file, self.painted, self.scenes = (path, name), b"", {}
+        self._digest = about.pop("digest")
         self.opened = {"type": "opened", **about, "saves": saves, "scene": self._keep(about["scene"])}
         self._tell(self.opened)
 
@@ -151,7 +153,7 @@ class Session:
             self._worker = Channel(lambda reply: soon(self._heard, reply), lambda error: soon(self._ended, error))
             if self.file is not None:
                 path, name = self.file
-                self._send("open", path=str(path), name=name)
+                self._send("reopen", path=str(path), name=name, digest=self._digest)
                 if self.painted:
                     self._send("paint", codes=self.painted)
         return self._worker

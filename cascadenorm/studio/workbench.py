@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -135,7 +136,16 @@ class Workbench:
             "painted": len(self.shown.kept_vertices),
             "notice": self.notice,
             "scene": packed_scene(self.scenes.first),
+            "digest": self.digest,
         }
+
+    @property
+    def digest(self) -> str:
+        """Digest of the file as it was read; positions and faces may lie in other files than `data`."""
+        found = sha256(self.file.data)
+        found.update(np.ascontiguousarray(self.file.positions).data)
+        found.update(np.ascontiguousarray(self.file.polygons.corners).data)
+        return found.hexdigest()
 
     def take_paint(self, codes: bytes) -> None:
         """Set the paint from codes of the displayed vertices; other vertices get the code of the nearest one."""

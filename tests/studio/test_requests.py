@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shapes import icosphere, noisy
 
-from cascadenorm.errors import OutputError
+from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import atomic
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.studio.requests import Requests
@@ -81,3 +81,24 @@ def test_buffers_of_the_opened_file_are_not_replaced_and_those_of_others_are_nam
     assert refused.value.existing == ["out.bin"]
     asked(requests, "save", settings=SETTINGS, target="out.gltf", force=True)
     assert Path("out.bin").read_bytes() != b"precious"
+
+
+def test_a_new_process_opens_the_same_content_or_says_why_not(opened, tmp_path):
+    where = {"path": str(tmp_path / "rough.ply"), "name": "rough.ply"}
+    digest = asked(opened, "open", **where)["digest"]
+    again = Requests()
+    asked(again, "reopen", **where, digest=digest)
+    assert asked(again, "recipe", settings=SETTINGS, target="out.ply")["command"]
+    Path("rough.ply").unlink()
+    refused(where, digest, "does not exist")
+    save_mesh(Path("rough.ply"), icosphere(2))
+    refused(where, digest, "rough.ply has changed since it was opened: start the studio again")
+
+
+def refused(where, digest, reason):
+    """A new process cannot open the file, and says so with each request about it."""
+    requests = Requests()
+    with pytest.raises(ReadError, match=reason):
+        asked(requests, "reopen", **where, digest=digest)
+    with pytest.raises(ReadError, match=reason):
+        asked(requests, "recipe", settings=SETTINGS, target="out.ply")
