@@ -97,12 +97,11 @@ def _version(system: Any, path: str) -> str:
         return ""
 
 
-def upload(folder: Path, url: str) -> None:
-    """Upload a folder to that of a URL, the named file last, so that it is never incomplete. Raises OutputError."""
+def upload(file: Path, url: str) -> None:
+    """Upload a file. Raises OutputError."""
     check_writable(url)
     with _reached(url, OutputError, "written") as (system, path):
-        for file in sorted(folder.iterdir(), key=lambda file: (file.name == file_name(url), file.name)):
-            system.put_file(str(file), f"{path.rpartition('/')[0]}/{file.name}")
+        system.put_file(str(file), path)
 
 
 def check_writable(url: str) -> None:

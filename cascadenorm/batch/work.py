@@ -22,6 +22,7 @@ from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerE
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.files import copied_names, is_url
+from cascadenorm.io.sidecar_files import missing
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -146,17 +147,18 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
             output.unlink(missing_ok=True)
             raise ChangedError(f"{job.source} changed while it was read", hint="try again when it is complete")
         written = file_and_buffers_digest(output)
-        names = copied_names(after, io.output_format(output)) if _is_local(job) else []
-        copies = copies_beside(names, source, output)
+        copies = copies_beside(copied_names(after, io.output_format(output)), source, output)
+        left_out = summary.left_out
         if is_url(job.output):
             _check_target(settings, task)
-            upload(output.parent, job.output)
+            upload(output, job.output)
+            left_out += tuple(missing(name) for name, copy in copies.items() if copy is not None)
     return Outcome(
         status="done",
         input_digest=digest,
         output_digest=written,
-        copies=copies,
-        summary=replace(summary, source=job.source, output=job.output),
+        copies=copies if _is_local(job) else {},
+        summary=replace(summary, source=job.source, output=job.output, left_out=left_out),
         seconds=time.perf_counter() - start,
     )
 

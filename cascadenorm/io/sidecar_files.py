@@ -64,7 +64,7 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
     if file.folder is not None and file.folder.resolve() == there:
         return {}, []
     copies: dict[Path, Iterable[Piece]] = {}
-    missing = []
+    left_out = []
     for name, needed in file.refers_to().items():
         content = content_beside(file.folder, name)
         outside = not is_within(name) or (content is not None and not (there / name).resolve().is_relative_to(there))
@@ -75,7 +75,7 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
         if content is None and needed:
             raise OutputError(f"the file references {_shown(name)}, which is missing or cannot be read: put it there")
         if outside or content is None:
-            missing.append(f"the file {_shown(name)} that it references")
+            left_out.append(missing(name))
             continue
         copy = (there / name).resolve()
         if copy == target.resolve():
@@ -90,7 +90,12 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
                 existing=[name],
             )
         copies[copy] = [content]
-    return copies, missing
+    return copies, left_out
+
+
+def missing(name: str) -> str:
+    """Return a referenced file that an output lacks, in words."""
+    return f"the file {_shown(name)} that it references"
 
 
 def _shown(name: str) -> str:

@@ -16,8 +16,10 @@ import cascadenorm as cn
 from benchmarks.speed.scale import REQUESTS
 from cascadenorm.batch import remote_files
 from cascadenorm.batch.batch import denoise_files
-from cascadenorm.batch.inputs import find_jobs
+from cascadenorm.batch.inputs import Job, find_jobs
 from cascadenorm.batch.remote_files import file_name, fixed_part
+from cascadenorm.batch.settings import batch_settings
+from cascadenorm.batch.work import Task, work
 from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, ReadError
 from cascadenorm.io.files import is_url
@@ -278,16 +280,19 @@ def test_the_parts_of_a_url():
     assert fixed_part("s3://b/sc*") == "s3://b"
 
 
-def test_a_file_is_put_after_what_lies_beside_it(bucket, tmp_path, monkeypatch):
-    folder = tmp_path / "made"
-    folder.mkdir()
-    for name in ("a.obj", "b.mtl"):
-        (folder / name).write_text(name, encoding="ascii")
-    remote_files.upload(folder, f"s3://{bucket.name}/out/a.obj")
-    found = sorted(bucket.objects.all(), key=lambda one: one.last_modified)
-    assert sorted(one.key for one in found) == ["out/a.obj", "out/b.mtl"]
-    (folder / "b.mtl").unlink()
-    (folder / "b.mtl").symlink_to("nowhere")
-    with pytest.raises(OutputError):
-        remote_files.upload(folder, f"s3://{bucket.name}/other/a.obj")
-    assert objects(bucket, "other/") == {}
+def test_materials_and_textures_are_not_put_into_a_store(bucket, tmp_path):
+    (tmp_path / "scans" / "maps").mkdir(parents=True)
+    source = tmp_path / "scans" / "a.obj"
+    save_mesh(source, noisy(icosphere(2), 0.2))
+    source.write_bytes(b"mtllib paint.mtl\n" + source.read_bytes())
+    (tmp_path / "scans" / "paint.mtl").write_bytes(b"newmtl red\nmap_Kd maps/wood.png\n")
+    (tmp_path / "scans" / "maps" / "wood.png").write_bytes(b"oak")
+    bucket.put_object(Key="out/paint.mtl", Body=b"precious")
+    settings = batch_settings("laplacian", {}, {}, None, force=False)[0]
+    found = work(settings, Task(Job("scans/a.obj", f"s3://{bucket.name}/out/a.obj", 1, 1), None, checked=True))
+    assert found.status == "done", found.error
+    assert found.summary.left_out == tuple(
+        f"the file '{name}' that it references" for name in ("paint.mtl", "maps/wood.png")
+    )
+    stored = objects(bucket, "out/")
+    assert set(stored) == {"a.obj", "paint.mtl"} and stored["paint.mtl"] == b"precious"
