@@ -159,8 +159,7 @@ def _creases(creases: str, file: MeshFile) -> float | NDArray[Any]:
 
 
 def _attributes(file: MeshFile) -> dict[str, NDArray[Any]]:
-    values = file.content().vertex_values
-    return {name: value for name, value in values.items() if value.shape == (len(file.positions),)}
+    return {name: value for name, value in file.vertex_values.items() if value.shape == (len(file.positions),)}
 
 
 def _reduce_copies(values: NDArray[Any], welds: NDArray[np.int32], smallest_or_largest: np.ufunc) -> NDArray[Any]:

@@ -1,4 +1,5 @@
 import json
+import re
 import struct
 from pathlib import Path
 
@@ -8,8 +9,11 @@ from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.selection import labelled_faces, resolve_controls
-from cascadenorm.io.content import Content
+from cascadenorm.io.content import CHANNELS, Content
+from cascadenorm.io.gltf.document import document_of
+from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.io.xml.collada import ColladaFile
 from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.registry.controls import checked_controls
 
@@ -278,3 +282,44 @@ def test_what_does_not_fit_is_refused_with_a_reason(ball, tmp_path, controls, me
     with pytest.raises(cn.ParameterError, match=message):
         denoised(**controls)
     assert not (tmp_path / "out.ply").exists()
+
+
+def two_painted_balls(kind: str) -> bytes:
+    """Return a scene of two balls: the first in the file is red, but the scene shows the second one first."""
+    paint = np.repeat(np.array([255, 0], np.uint8), COUNT)
+    faces = Polygons.from_rows(np.concatenate([BALL.faces, BALL.faces + COUNT]).astype(np.int64))
+    vertices = np.concatenate([BALL.vertices, BALL.vertices + np.array([5, 0, 0])])
+    if kind == "dae":
+        ball, halves = Polygons.from_rows(BALL.faces.astype(np.int64)), (slice(COUNT), slice(COUNT, None))
+        contents = [Content(vertices[half], ball, dict.fromkeys(CHANNELS[:3], paint[half])) for half in halves]
+        one = [b"".join(ColladaFile.encode(content)[0]) for content in contents]
+        geometries = [re.search(rb"<geometry .*</geometry>", data, re.DOTALL)[0] for data in one]
+        second = re.sub(rb'(id="|"#)', rb"\g<1>second-", geometries[1])
+        shown = re.search(rb"<node.*</node>", one[0], re.DOTALL)[0]
+        both = shown.replace(b'url="#', b'url="#second-') + shown
+        return one[0].replace(geometries[0], geometries[0] + second).replace(shown, both)
+    document, buffer, _ = document_of(Content(vertices, faces, dict.fromkeys(CHANNELS[:3], paint)))
+    points, colors, corners = (document["accessors"][number] for number in (0, 1, 2))
+    per_ball = [
+        {**points, "count": COUNT, "byteOffset": 0},
+        {**colors, "count": COUNT, "byteOffset": 0},
+        {**corners, "count": BALL.faces.size},
+        {**points, "count": COUNT, "byteOffset": 12 * COUNT},
+        {**colors, "count": COUNT, "byteOffset": 4 * COUNT},
+    ]
+    attributes = [{"POSITION": 3 * mesh, "COLOR_0": 3 * mesh + 1} for mesh in (0, 1)]
+    meshes = [{"primitives": [{"attributes": own, "indices": 2}]} for own in attributes]
+    scene = {"nodes": [{"mesh": 1}, {"mesh": 0}], "scenes": [{"nodes": [0, 1]}]}
+    return b"".join(GltfFile._made({**document, "accessors": per_ball, "meshes": meshes, **scene}, buffer))
+
+
+@pytest.mark.parametrize("kind", ["gltf", "dae"])
+def test_colours_belong_to_their_vertices_whatever_the_order_of_the_scene(tmp_path, kind):
+    source, output = tmp_path / f"two.{kind}", tmp_path / f"out.{kind}"
+    source.write_bytes(two_painted_balls(kind))
+    before = cn.read(source)
+    assert before.content().positions[0, 0] > 3  # the second ball is shown first
+    assert before.vertex_values["red"].tolist() == [255] * COUNT + [0] * COUNT
+    cn.denoise_file(source, output, mask="red", **FAST)
+    moved = (cn.read(output).positions != before.positions).any(axis=1)
+    assert moved[:COUNT].all() and not moved[COUNT:].any()

@@ -86,17 +86,17 @@ def document_content(
     positions_of: Callable[[Primitive], NDArray[Any]],
 ) -> Content:
     """Return the primitives of all meshes, transformed, once for each time that the scene shows their mesh."""
-    filled = [shape for shape in shapes if len(shape.triangles)]
     of_mesh: dict[int, list[Primitive]] = {}
-    for shape in _joined(filled):
+    for shape in joined_primitives(shapes):
         of_mesh.setdefault(shape.mesh, []).append(shape)
     meshes = of_mesh.keys()
     places = [(mesh, matrix) for mesh, matrix in _instances(document) if mesh in meshes]
     places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes without a scene
     uses = [(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
     accessors.claim(sum(3 * len(shape.positions.at) + shape.triangles.size for shape, _ in uses))
-    shown = [placed(_shown(shape, accessors, positions_of(shape)), matrix) for shape, matrix in uses]
+    shown = [placed(shape_content(shape, accessors, positions_of(shape)), matrix) for shape, matrix in uses]
     left_out = [key for key in KEPT_ELSEWHERE if document.get(key)]
+    filled = [shape for shape in shapes if len(shape.triangles)]
     if any(document["meshes"][shape.mesh]["primitives"][shape.number].get("targets") for shape in filled):
         left_out.append("morph targets")
     if any(INSTANCES in node.get("extensions", {}) for node in document.get("nodes", [])):
@@ -116,17 +116,19 @@ def document_content(
     return replace(whole, left_out=tuple(left_out))
 
 
-def _joined(shapes: list[Primitive]) -> list[Primitive]:
-    """Join primitives of a mesh that share vertices. They usually differ in their materials."""
+def joined_primitives(shapes: list[Primitive]) -> list[Primitive]:
+    """Join primitives of a mesh that share vertices; they usually differ in their materials. Points and lines go."""
     alike: dict[tuple[Any, ...], list[Primitive]] = {}
     for shape in shapes:
+        if not len(shape.triangles):
+            continue
         alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
     return [
         group[0]._replace(triangles=np.concatenate([shape.triangles for shape in group])) for group in alike.values()
     ]
 
 
-def _shown(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> Content:
+def shape_content(shape: Primitive, accessors: Accessors, positions: NDArray[Any]) -> Content:
     """Return a primitive with its colours and texture coordinates."""
     values, count = dict[str, NDArray[Any]](), len(positions)
     if "COLOR_0" in shape.attributes and len(colors := accessors.values(shape.attributes["COLOR_0"])) == count:

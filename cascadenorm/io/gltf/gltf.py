@@ -2,7 +2,7 @@
 
 import copy
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, count
@@ -18,10 +18,19 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.gltf.accessors import STORED, Accessors, ByteOffsets, NewAccessors, Primitive, StoredVectors
 from cascadenorm.io.gltf.buffers import Buffers, embedded, entry, with_keys
-from cascadenorm.io.gltf.document import check_lists, document_content, document_of, json_bytes, parsed
+from cascadenorm.io.gltf.document import (
+    check_lists,
+    document_content,
+    document_of,
+    joined_primitives,
+    json_bytes,
+    parsed,
+    shape_content,
+)
 from cascadenorm.io.gltf.patching import PatchedDocument
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
+from cascadenorm.io.shown import joined
 from cascadenorm.io.sidecar_files import relative_name
 from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
@@ -269,6 +278,19 @@ class GltfFile(MeshFile):
         images = {relative_name(part.get("uri")): False for part in document.get("images", [])}
         names = {**images, **{relative_name(part.get("uri")): True for part in buffers}}
         return {name: needed for name, needed in names.items() if name is not None}
+
+    @property
+    @_explained()
+    def vertex_values(self) -> Mapping[str, NDArray[Any]]:
+        """(k,) colours and texture coordinates of the positions, if all primitives with triangles have them."""
+        shapes = joined_primitives(self._primitives)
+        shown = [shape_content(shape, self._accessors, self.positions[self._rows(shape)]) for shape in shapes]
+        rows = np.concatenate([np.zeros(0, np.int64), *map(self._rows, shapes)])
+        found = dict[str, NDArray[Any]]()
+        for name, values in joined(shown).vertex_values.items():
+            found[name] = np.zeros(len(self.positions), values.dtype)
+            found[name][rows] = values
+        return found
 
     @_explained()
     def face_labels(self) -> list[Labels]:

@@ -1,6 +1,6 @@
 """COLLADA: replace coordinates and normals, as they are before the transforms of nodes, and keep all else."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from html import unescape
 from typing import Any, NamedTuple
@@ -182,6 +182,12 @@ class ColladaFile(MeshFile):
             if image.name in ("init_from", "ref") and not image.children
         ]
         return {name.removeprefix("./"): False for uri in uris if (name := relative_name(uri)) is not None}
+
+    @property
+    def vertex_values(self) -> Mapping[str, NDArray[Any]]:
+        """(k,) colours and texture coordinates of the positions, if all meshes have them."""
+        of_sources = [[part for part in self._parts if part.positions == source] for source in self._sources]
+        return joined([self._shape(parts) for parts in of_sources]).vertex_values
 
     def face_labels(self) -> list[Labels]:
         """Return the symbols of materials and the names of geometries."""
