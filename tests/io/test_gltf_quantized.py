@@ -7,13 +7,14 @@ from shapes import icosphere, noisy
 from test_io import read, written
 
 import cascadenorm as cn
+from cascadenorm.api.filled_files import fill_holes_file
 from cascadenorm.cli import run
 from cascadenorm.io.gltf.gltf import GlbFile
 
 COARSE = noisy(icosphere(3), 0.3)
 
 
-def quantized(kind: str = "<u2", *, normalized: bool = False) -> bytes:
+def quantized(kind: str = "<u2", *, normalized: bool = False, faces: np.ndarray = COARSE.faces) -> bytes:
     """A GLB file whose positions are whole numbers and whose normals are bytes; a node scales it back."""
     largest = np.iinfo(kind).max
     lower = np.zeros(3) if kind[1] == "u" else np.full(3, -largest)
@@ -23,8 +24,7 @@ def quantized(kind: str = "<u2", *, normalized: bool = False) -> bytes:
     cells[:, : 3 * whole.itemsize] = whole.view(np.uint8).reshape(len(whole), -1)
     normals = np.zeros((len(whole), 4), np.int8)
     normals[:, :3] = np.rint(COARSE.vertex_normals * 127)
-    faces = COARSE.faces.astype("<u2")
-    parts = [cells.tobytes(), normals.tobytes(), faces.tobytes()]
+    parts = [cells.tobytes(), normals.tobytes(), faces.astype("<u2").tobytes()]
     starts = np.cumsum([0, *map(len, parts)]).tolist()
     strides = [cells.shape[1], 4, None]
     code = {"<u2": 5123, "<i2": 5122, "<u1": 5121, "<i1": 5120}[kind]
@@ -69,6 +69,26 @@ def test_whole_numbers_are_read_as_they_are_and_written_rounded(kind, normalized
     assert all(isinstance(number, int) for number in bounds["min"])
     normals = again._stored_normals.read(again._buffers.data)
     assert (normals * again.mesh.vertex_normals).sum(axis=1)[100:].min() > 0.97
+
+
+@pytest.mark.parametrize("kind", ["<u2", "<i2", "<u1", "<i1"])
+@pytest.mark.parametrize("normalized", [False, True])
+def test_a_patch_has_whole_numbers_as_well(tmp_path, kind, normalized):
+    source, output = tmp_path / "holed.glb", tmp_path / "out.glb"
+    faces = COARSE.faces[COARSE.centroids[:, 2] < 0.8]
+    source.write_bytes(quantized(kind, normalized=normalized, faces=faces))
+    before = cn.read(source)
+    done = fill_holes_file(source, output)
+    after = cn.read(output)
+    assert done.closed == 1 and len(after.mesh.vertices) > len(before.mesh.vertices)
+    assert after.mesh.topology.edge_faces.counts.min() == 2
+    assert after.positions[: len(before.positions)].tobytes() == before.positions.tobytes()
+    primitive = document(output.read_bytes())["meshes"][0]["primitives"][1]
+    accessor = document(output.read_bytes())["accessors"][primitive["attributes"]["POSITION"]]
+    assert accessor["componentType"] == document(source.read_bytes())["accessors"][0]["componentType"]
+    assert accessor.get("normalized", False) == normalized
+    patch = after._accessors.values(primitive["attributes"]["POSITION"])
+    assert (accessor["min"], accessor["max"]) == (patch.min(axis=0).tolist(), patch.max(axis=0).tolist())
 
 
 def test_whole_numbers_end_at_those_of_their_type():

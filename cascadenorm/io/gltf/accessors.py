@@ -84,10 +84,7 @@ class StoredVectors(NamedTuple):
     def put(self, data: bytearray, vectors: NDArray[Any], chosen: NDArray[np.bool_]) -> None:
         """Replace the chosen vectors. Integers are rounded and clamped to the range of their type."""
         for rows, kind, largest in self._alike(chosen):
-            stored = vectors[rows]
-            if kind.kind != "f":
-                limits = np.iinfo(kind)
-                stored = np.clip(np.rint(stored * largest), max(limits.min, -limits.max), limits.max)
+            stored = storable(vectors[rows], kind, largest)
             strided = _strided(data, self.at[rows], kind, 3)
             if strided is not None:
                 strided[:] = stored
@@ -175,7 +172,7 @@ class Accessors:
     def vectors(self, number: int) -> StoredVectors:
         """Return the stored vectors of an accessor, which must have three components."""
         accessor = self._accessor(number)
-        kind, largest = self._type(accessor), self._largest(accessor)
+        kind, largest = self.storage(number)
         if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
             raise ReadError(
                 f"accessor {number} of the glTF document is not VEC3 of a supported type: export the file again"
@@ -184,6 +181,11 @@ class Accessors:
         self.claim(3 * len(where))
         places = each(where)
         return StoredVectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
+
+    def storage(self, number: int) -> tuple[np.dtype[Any], int]:
+        """Return the type of the numbers of an accessor, and its value that represents 1."""
+        accessor = self._accessor(number)
+        return self._type(accessor), self._largest(accessor)
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector per row."""
@@ -288,11 +290,19 @@ class NewAccessors:
         if normalized:
             accessor["normalized"] = True
         if bounds and len(values):
-            lower, upper = box_of(values.astype(np.float32))
+            lower, upper = box_of(values)
             accessor |= {"min": lower.tolist(), "max": upper.tolist()}
         self.views.append(view)
         self.accessors.append(accessor)
         return len(self.accessors) - 1
+
+
+def storable(values: NDArray[Any], kind: np.dtype[Any], largest: int) -> NDArray[Any]:
+    """Return numbers as a type stores them, in which `largest` represents 1: integers are rounded and clamped."""
+    if kind.kind == "f":
+        return values.astype(kind, copy=False)
+    limits = np.iinfo(kind)
+    return np.asarray(np.clip(np.rint(values * largest), max(limits.min, -limits.max), limits.max), kind)
 
 
 def each(places: ByteOffsets) -> NDArray[np.int64]:

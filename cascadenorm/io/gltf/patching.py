@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.io.gltf.accessors import COMPONENT_TYPES, FLOAT, Accessors, NewAccessors, Primitive
+from cascadenorm.io.gltf.accessors import COMPONENT_TYPES, FLOAT, Accessors, NewAccessors, Primitive, storable
 from cascadenorm.io.hole_patches import HolePatches
 
 COMPRESSED_IN = ("KHR_draco_mesh_compression",)
@@ -118,8 +118,10 @@ class PatchedDocument:
         place = self._places[part.place]
         like = self._document["meshes"][place.mesh]["primitives"][place.number]
         new = part.vertices[len(part.own) :] - self._count
-        positions = np.concatenate([self._positions[part.own], self._patches.positions[new]]).astype("<f4")
-        made: dict[str, Any] = {"attributes": {"POSITION": self._added.add(positions, bounds=True)}}
+        storage, positions = self._accessors.storage(like["attributes"]["POSITION"]), self._patches.positions[new]
+        stored = storable(np.concatenate([self._positions[part.own], positions]), *storage)
+        number = self._added.add(stored, normalized=storage[1] > 1, bounds=True)
+        made: dict[str, Any] = {"attributes": {"POSITION": number}}
         if "NORMAL" in like["attributes"]:
             self._add_normals(made["attributes"], part, new, like["attributes"]["NORMAL"])
         targets: list[dict[str, int]] = [{} for _ in like.get("targets", [])]
