@@ -4,12 +4,16 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cascadenorm import io
+from cascadenorm.controls.weights import mask_weights, selected_faces, selected_vertices
+from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.small_components import component_count, small_components
-from cascadenorm.io.files import extensible
+from cascadenorm.io.files import as_one_mesh
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.mesh.polygons import Polygons
+from cascadenorm.registry.controls import Controls
 
 
 class Dropped(NamedTuple):
@@ -23,6 +27,7 @@ class Dropped(NamedTuple):
     faces: int
     among: int
     left_out: tuple[str, ...]  # other content that the file in memory lacks, in words
+    kept: NDArray[np.bool_] | None  # (m,) faces of the mesh of the given file that are kept; None if they are unknown
 
 
 def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> Dropped:
@@ -34,11 +39,16 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     among = component_count(mesh)
     small, first = small_components(mesh, limit)
     if not len(first):
-        return Dropped(file, 0, 0, among, ())
-    isolates = bool(file.left_out.any() or file.bad_vertices.any())
-    own, lost = extensible(file)
-    own = own.isolating() if isolates else own
-    small, first = small_components(mesh_of_file(own, name), limit)
+        return Dropped(file, 0, 0, among, (), None)
+    own, lost = as_one_mesh(file)
+    own = own if own is file else own.with_settings_of(file)
+    same_order = file.parts is None or np.array_equal(own.positions, file.positions, equal_nan=True)
+    matches = same_order and len(mesh_of_file(own, name).faces) == len(mesh.faces)
+    mesh = own.mesh
+    among = component_count(mesh)  # of the scene, which may show a mesh several times
+    small, first = small_components(mesh, limit)
+    if not len(first):
+        return Dropped(file, 0, 0, among, (), None)
     content = own.content()
 
     # Polygons of small components; polygons that the mesh leaves out belong to no component and are kept
@@ -60,6 +70,42 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     )
     kind = type(own)
     pieces, further = kind.encode(left)
-    made = kind(b"".join(pieces), own.folder)
+    made = kind(b"".join(pieces), own.folder).with_settings_of(file)
     losses = tuple(dict.fromkeys([*lost, *content.left_out, *further]))
-    return Dropped(made.isolating() if isolates else made, len(first), int(bad.sum()), among, losses)
+    return Dropped(made, len(first), int(bad.sum()), among, losses, ~small if matches else None)
+
+
+def controls_of_kept(controls: Controls, dropped: Dropped, before: io.MeshFile) -> Controls:
+    """Return controls over the mesh of a file as controls over its components that were kept.
+
+    Raises ParameterError for a mask or fixed vertices that do not fit the mesh of the file, and if the two meshes do
+    not correspond, since a scene moves, repeats or omits meshes.
+    """
+    mask, fixed, only, creases = (controls[name] for name in ("mask", "fixed", "only", "creases"))
+    edges = np.zeros(0) if creases is None else np.asarray(creases)
+    if not dropped.components or (mask is None and fixed is None and only is None and edges.ndim < 2):
+        return controls
+    mesh, faces, found = before.mesh, dropped.file.mesh.faces, controls.copy()
+    source = np.full(len(dropped.file.mesh.vertices), -1)  # the vertex of the file that each vertex is
+    if dropped.kept is not None:
+        source[faces] = mesh.faces[dropped.kept]
+    if dropped.kept is None or not np.array_equal(source[faces], mesh.faces[dropped.kept]):
+        raise ParameterError(
+            "cannot be combined with mask, fixed, only or creases in this file, because its scene moves, repeats or "
+            "omits meshes",
+            parameter="drop_components",
+            hint="write the file as PLY first",
+        )
+    if mask is not None:
+        found["mask"] = mask_weights(mask, len(mesh.vertices))[source]
+    if fixed is not None:
+        found["fixed"] = selected_vertices("fixed", fixed, len(mesh.vertices))[source]
+    if only is not None:
+        found["only"] = selected_faces(only, len(mesh.faces))[dropped.kept]
+    if edges.ndim == 2 and edges.dtype.kind in "iu":
+        place = np.full(len(mesh.vertices), -1)
+        place[source[source >= 0]] = np.flatnonzero(source >= 0)
+        within = (edges >= 0) & (edges < len(place))  # other indices are rejected where the controls are applied
+        ends = np.where(within, place[np.where(within, edges, 0)], edges)
+        found["creases"] = ends[(~within | (ends >= 0)).all(axis=1)]
+    return found

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import Applied, reported_controls
-from cascadenorm.api.dropped_components import Dropped, without_small_components
+from cascadenorm.api.dropped_components import Dropped, controls_of_kept, without_small_components
 from cascadenorm.api.selection import resolve_controls
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
@@ -158,13 +158,16 @@ def opened_file(
     if apart > 0:
         file = _welded(file, apart, in_edges)
     chosen = io.output_format(output, format or file.format)
-    dropped = None
+    whole, dropped = file, None
     if drop_components is not None:
         dropped = without_small_components(file, drop_components, source_name(source))
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source))
-    return Opened(source, output, chosen, file, mesh, resolve_controls(controls, file), dropped, weld, drop_components)
+    resolved = resolve_controls(controls, whole)
+    if dropped is not None:
+        resolved = controls_of_kept(resolved, dropped, whole)
+    return Opened(source, output, chosen, file, mesh, resolved, dropped, weld, drop_components)
 
 
 def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Mesh, first_places
@@ -51,7 +51,7 @@ def selected_vertices(name: str, given: Any, count: int) -> NDArray[np.bool_]:
     return _selected(name, np.asarray(given), count, "vertex", "vertices")
 
 
-def selected_faces(only: ArrayLike, count: int) -> NDArray[np.bool_]:
+def selected_faces(only: Any, count: int) -> NDArray[np.bool_]:
     """Return (count,) bool for faces selected by indices or by (count,) bool; refuse other selections."""
     return _selected("only", np.asarray(only), count, "face", "faces")
 

@@ -83,6 +83,10 @@ class MeshFile(ABC):
         """Return this file with a `mesh` in which boundary vertices within a distance, in its unit, are joined."""
         return self._with_mesh_settings(_weld_distance=distance)
 
+    def with_settings_of(self: AnyMeshFile, other: "MeshFile") -> AnyMeshFile:
+        """Return this file with a `mesh` that isolates and welds as that of another file."""
+        return self._with_mesh_settings(_isolates=other._isolates, _weld_distance=other._weld_distance)
+
     def _with_mesh_settings(self: AnyMeshFile, **settings: Any) -> AnyMeshFile:
         file = copy.copy(self)
         file.__dict__.update(settings)

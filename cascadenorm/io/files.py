@@ -183,7 +183,12 @@ def _lost(file: MeshFile) -> list[str]:
 
 def extensible(file: MeshFile) -> tuple[PlyFile | ObjFile | GltfFile, list[str]]:
     """Return a file that supports additional faces, PLY for most formats, and what it lacks, in words."""
-    if isinstance(file, PlyFile | ObjFile | GltfFile):
+    return (file, []) if isinstance(file, GltfFile) else as_one_mesh(file)
+
+
+def as_one_mesh(file: MeshFile) -> tuple[PlyFile | ObjFile, list[str]]:
+    """Return a file whose content has the order of its faces, PLY for most formats, and what it lacks, in words."""
+    if isinstance(file, PlyFile | ObjFile):
         return file, []
     pieces, lost = _encoded(file, PlyFile)
     return PlyFile(b"".join(pieces)), lost
