@@ -29,7 +29,7 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
     If the copies would not have longer edges than the mesh, the mesh itself is denoised. `denoise` returns new vertices
     of a copy. Returns the mean over the copies, (n, 3). Vertices without a face do not move.
     """
-    if max(SHARES) * width <= mesh.mean_edge_length:
+    if not is_wide(mesh, width):
         return denoise(CoarseCopy(mesh, np.arange(len(mesh.vertices), dtype=np.int32)))
     sums = np.zeros_like(mesh.vertices)
     for number in track(len(SHARES)):
@@ -40,6 +40,11 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
     if not moved.mean_edge_length**2 > 0:  # the method moved all vertices to one place
         return carried
     return unfolded(mesh, bilateral_normal(moved, iterations=FINISHING_PASSES))
+
+
+def is_wide(mesh: Mesh, width: float) -> bool:
+    """Whether a width, in mesh units, is that of errors that are removed on coarse copies of the mesh."""
+    return bool(max(SHARES) * width > mesh.mean_edge_length)
 
 
 def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:

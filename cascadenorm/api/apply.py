@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.api.regions.shells import Shells, split_into_shells
 from cascadenorm.api.regions.walls import joined_walls, with_region_volumes
+from cascadenorm.baselines.wide_errors import is_wide
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.controls.detail import (
@@ -64,6 +65,7 @@ class Applied(NamedTuple):
     # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
     # `remove_detail`; None for other methods, and if no vertex was to be moved
     denoised: Vectors | None
+    is_cut: bool = False  # whether the method saw coarse copies, or a mesh that is cut along creases
 
     @classmethod
     def elsewhere(cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None) -> "Applied":
@@ -128,7 +130,10 @@ def run_with_controls(
         strength = min(controls["strength"], 1.0) if method.converges else controls["strength"]
         denoised = list[Vectors]()
         note = denoised.append if method.name == JUDGING_METHOD else None
-        step = _step(StepSettings.of(method, checked, controls, framed, exponent), framed, order, parts, note)
+        settings = StepSettings.of(method, checked, controls, framed, exponent)
+        creases = _creases(framed, controls, order)
+        on_copies = settings.remove_detail is not None and is_wide(framed, settings.remove_detail)
+        step = _step(settings, framed, order.numbers, parts, creases, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
             step = partial(slides.slid, step)
@@ -142,7 +147,8 @@ def run_with_controls(
     if controls["progress"] is not None:
         controls["progress"](1.0)
     vertices = displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
-    return Applied(vertices, framed, exponent, order.places, denoised[0] if denoised else None)
+    first = denoised[0] if denoised else None
+    return Applied(vertices, framed, exponent, order.places, first, on_copies or creases is not None)
 
 
 def step_key(method: Method, strength: float) -> float:
@@ -215,18 +221,30 @@ class StepSettings(NamedTuple):
         return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
-def _step(settings: StepSettings, mesh: Mesh, order: Renumbered, parts: Shells | None, note: Note | None) -> Step:
+def _creases(mesh: Mesh, controls: Controls, order: Renumbered) -> NDArray[np.bool_] | None:
+    """Return (e,) bool, the edges that are creases, or None if there are none."""
+    creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read already
+    edges = None if creases is None else crease_edges(mesh, creases, order.places)
+    return None if edges is None or not edges.any() else edges
+
+
+def _step(
+    settings: StepSettings,
+    mesh: Mesh,
+    numbers: Ints,
+    parts: Shells | None,
+    creases: NDArray[np.bool_] | None,
+    note: Note | None,
+) -> Step:
     """Return the step that applies the method together with creases, boundary and detail to meshes with these faces.
 
     If regions share walls, the step runs on the shells of the regions, `parts`, and then joins the walls from their two
-    sides. `note`, if given, is called after the method, before the other controls.
+    sides. `numbers`, `creases` and `note` are those of `_surface_step`.
     """
-    creases = cast("float | ArrayLike | None", settings.controls["creases"])  # files have been read already
-    edges = None if creases is None else crease_edges(mesh, creases, order.places)
     if parts is None:
-        return _surface_step(settings, mesh, order.numbers, edges, note)
-    edges = None if edges is None else parts.of_edges(mesh, edges)
-    numbers = order.numbers[parts.owners]
+        return _surface_step(settings, mesh, numbers, creases, note)
+    edges = None if creases is None else parts.of_edges(mesh, creases)
+    numbers = numbers[parts.owners]
 
     joined_note = None if note is None else lambda vertices: note(joined_walls(parts, mesh, vertices))
     each = _surface_step(settings.on_copies(parts.owners), parts.mesh, numbers, edges, joined_note)
@@ -243,6 +261,7 @@ def _surface_step(
     """Return the step for a mesh without shared walls.
 
     `numbers`, (n,), are vertex indices in the input for messages; `creases`, (e,), mark the edges that are creases.
+    `note`, if given, is called after the method, before the other controls.
     """
     # Cut the mesh along creases: the method and later stages see copies of the vertices there
     sides = None if creases is None else cut_along(mesh, creases)

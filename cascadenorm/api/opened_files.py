@@ -15,6 +15,7 @@ from cascadenorm import io
 from cascadenorm.api.apply import Applied, reported_controls
 from cascadenorm.api.dropped_components import Dropped, controls_of_kept, without_small_components
 from cascadenorm.api.selection import resolve_controls
+from cascadenorm.controls.detail import as_unknown_surface
 from cascadenorm.controls.displacement import framed_length
 from cascadenorm.detection.error_kind import ErrorKind, error_kind
 from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError, counted
@@ -249,9 +250,10 @@ def detected_error(method: Method, applied: Applied, parameters: dict[str, Any])
     """
     if applied.denoised is None:
         return {"error": None, "treated_as": None}
+    chosen = as_unknown_surface(method, parameters) if applied.is_cut else parameters
     return {
         "error": error_kind(applied.seen, applied.denoised, exponent=applied.exponent),
-        "treated_as": mesh_treatment(applied.seen, **method.with_defaults(parameters)),
+        "treated_as": mesh_treatment(applied.seen, **method.with_defaults(chosen)),
     }
 
 

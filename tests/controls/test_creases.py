@@ -4,6 +4,7 @@ from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
 from cascadenorm.controls.creases import crease_edges, cut_along
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
 BOX = cube(6)
@@ -173,3 +174,27 @@ def test_creases_do_not_harm_auto_on_a_cube():
     rough = noisy(box, 0.1)
     angles = [mean_angle(cn.denoise(rough, creases=given), box) for given in (None, edges)]
     assert angles[1] < 1.3 * angles[0] < 0.5
+
+
+@pytest.mark.parametrize("creases", [180, [], np.zeros((0, 2), int)])
+def test_creases_without_an_edge_change_nothing(creases):
+    ball = noisy(icosphere(3), 0.2)
+    np.testing.assert_array_equal(cn.denoise(ball, creases=creases).vertices, cn.denoise(ball).vertices)
+
+
+@pytest.mark.parametrize(
+    ("settings", "treatment"),
+    [
+        ({}, "vertex-noise"),
+        ({"creases": 180}, "vertex-noise"),
+        ({"creases": 40}, "unknown"),
+        ({"creases": 40, "parameters": {"treat_as": "measured-surface"}}, "measured-surface"),
+        ({"remove_detail": "0.1 edges"}, "vertex-noise"),
+        ({"remove_detail": "4 edges"}, "unknown"),
+    ],
+)
+def test_a_cut_mesh_and_coarse_copies_are_said_to_be_treated_as_unknown(tmp_path, settings, treatment):
+    save_mesh(tmp_path / "ball.ply", noisy(icosphere(3), 0.2))
+    done = cn.denoise_file(tmp_path / "ball.ply", tmp_path / "out.ply", **settings)
+    assert done.treated_as is not None
+    assert (done.treated_as.treatment, done.treated_as.given) == (treatment, treatment != "vertex-noise")
