@@ -135,8 +135,8 @@ class MeshTreatment:
     def __str__(self) -> str:
         """Return a phrase, such as "measured surface (probability 0.93)"."""
         name = self.treatment.replace("-", " ")
-        if self.given:
-            return f"{name} (as set)"
+        if self.given:  # unknown is also what meshes are that are cut along creases
+            return name if self.treatment == "unknown" else f"{name} (as set)"
         share = "" if self.share == 1 else f", {int(100 * self.share)}% of the faces"  # 99.8 % are not all
         return f"{name} (probability {self.probability:.2f}{share})"
 

@@ -321,6 +321,8 @@ def _checked_vertices(vertices: ArrayLike) -> Vectors:
 def checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
     """Return a copy of faces as (m, 3) int32; raise MeshError unless there are any, all of vertices that exist."""
     array = face_array(faces)
+    if not len(array) and not vertex_count:
+        raise MeshError("the mesh has no vertices and no faces: there is nothing to denoise")
     if not len(array):
         raise MeshError("the mesh has no faces: reconstruct a surface from the points first")
     if array.min() < 0 or array.max() >= vertex_count:

@@ -301,9 +301,11 @@ def test_pyvista_comes_back_with_its_arrays():
 
 def test_datasets_without_faces_are_refused_as_arrays_without_faces_are():
     pyvista = pytest.importorskip("pyvista")
-    for data in (pyvista.PolyData(BALL.vertices), pyvista.PolyData(), pyvista.Line()):
+    for data in (pyvista.PolyData(BALL.vertices), pyvista.Line()):
         with pytest.raises(cn.MeshError, match="the mesh has no faces: reconstruct a surface from the points first"):
             cn.denoise(data)
+    with pytest.raises(cn.MeshError, match="the mesh has no vertices and no faces: there is nothing to denoise"):
+        cn.denoise(pyvista.PolyData())
 
 
 def test_meshio_comes_back_with_its_data():

@@ -97,6 +97,7 @@ def test_what_a_mesh_is_treated_as_can_be_overruled(gated, tmp_path):
     ball = noisy(icosphere(3), 0.2)
     assert str(mesh_treatment(ball, model=path)) == "vertex noise (probability 0.90)"
     assert str(mesh_treatment(ball, model=path, treat_as="measured-surface")) == "measured surface (as set)"
+    assert str(mesh_treatment(ball, model=path, treat_as="unknown")) == "unknown"
     mixed = side_by_side(ball, noisy(grid(8, 8), 0.1))
     share = f"{100 * len(ball.faces) // len(mixed.faces)}%"
     assert str(mesh_treatment(mixed, model=path)) == f"vertex noise (probability 0.90, {share} of the faces)"
