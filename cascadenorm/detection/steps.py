@@ -18,8 +18,9 @@ ERROR_WIDTH = 2.0  # width of the error in steps: a tread and the adjacent riser
 FLAT = 1e-3  # largest angle in radians between the normals of adjacent faces of a tread
 FEWEST_FACES = 8  # least number of faces of a tread; fewer may be coplanar by chance, as in marching tetrahedra
 FEWEST_TREADS = 12
-SHARE = 0.5  # least fraction of the area that lies on parallel treads
+SHARE = 0.5  # least fraction of the area, without that of a base, that lies on parallel treads
 PARALLEL = 1e-4  # largest 1 - cosine of the angle between the normals of parallel treads
+OTHER_WAY = 0.05  # largest area of other treads that face the opposite way, relative to that of the treads
 NARROWEST_STEPS = 5.0  # least width in mean edge lengths; `auto` removes narrower steps by itself
 
 
@@ -118,7 +119,8 @@ def treads(mesh: Mesh) -> Treads | None:
 
     A tread is a connected set of coplanar faces. Its width is its hydraulic diameter: four times the area divided by
     the perimeter. The typical width is the area-weighted mean, so that the many small treads of steep parts have little
-    weight.
+    weight. Heights and depths have one value at each place, so their treads face the same way. The flat faces of
+    machine parts face both ways. A single one that faces the other way may be the base of a solid.
     """
     pairs = mesh.topology.face_pairs
     normals, areas = mesh.face_normals, mesh.areas
@@ -129,15 +131,22 @@ def treads(mesh: Mesh) -> Treads | None:
     tread_areas = np.bincount(labels, weights=areas)
     first = first_of_each(labels)
     large = np.bincount(labels) >= FEWEST_FACES
-    large[large] = np.abs(normals[first[large]] @ normals[first[np.argmax(tread_areas)]]) > 1 - PARALLEL
-    if large.sum() < FEWEST_TREADS or tread_areas[large].sum() < SHARE * mesh.area:
+    along = normals[first] @ normals[first[np.argmax(tread_areas)]]
+    large &= np.abs(along) > 1 - PARALLEL
+    one, other = large & (along > 0), large & (along < 0)
+    if other.sum() > one.sum():
+        one, other = other, one
+    area, base = float(tread_areas[one].sum()), float(tread_areas[other].max(initial=0.0))
+    if large.sum() < FEWEST_TREADS or area < SHARE * (mesh.area - base):
+        return None
+    if tread_areas[other].sum() - base > OTHER_WAY * area:
         return None
     ends = mesh.topology.edges[mesh.topology.interior_edges[~joined]]
     lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-    perimeters = np.zeros(len(large))
+    perimeters = np.zeros(len(one))
     for side in pairs[~joined].T:
-        perimeters += np.bincount(labels[side], weights=lengths, minlength=len(large))
-    kept = large & (perimeters > 0)
+        perimeters += np.bincount(labels[side], weights=lengths, minlength=len(one))
+    kept = one & (perimeters > 0)
     if not kept.any():  # flat sheets that no step joins
         return None
     widths = 4 * tread_areas[kept] / perimeters[kept]

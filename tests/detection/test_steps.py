@@ -86,6 +86,28 @@ def test_steps_of_rounded_heights_go_with_the_width_that_was_found(step):
     assert error(denoised) < 0.4 * error(rounded.vertices)
 
 
+def mirrored(mesh: Mesh, rows: float) -> Mesh:
+    """The mesh together with its mirror image below, so far away that the two do not touch."""
+    below = mesh.vertices * (1, 1, -1) - (0, 0, rows)
+    return Mesh(np.concatenate([mesh.vertices, below]), np.concatenate([mesh.faces, mesh.faces[:, ::-1] + len(below)]))
+
+
+def test_flat_steps_on_both_sides_of_a_part_are_its_shape():
+    rounded, _ = slope(1.6)
+    assert treads(rounded) is not None
+    assert treads(mirrored(rounded, 100)) is None
+
+
+def test_a_flat_base_does_not_hide_steps():
+    rounded, _ = slope(1.6)
+    flat = mirrored(rounded, 100)
+    base = flat.vertices.copy()
+    base[len(rounded.vertices) :, 2] = -100
+    found, alone = treads(flat.moved(base)), treads(rounded)
+    assert found is not None and alone is not None
+    assert found.count == alone.count
+
+
 def test_surfaces_without_steps_have_no_treads():
     assert treads(slope(1.5)[1]) is None
     assert treads(grid(30, 30)) is None
