@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cascadenorm.detection.error_kind import autocorrelation
-from cascadenorm.mesh import Mesh
+from cascadenorm.mesh import Bools, Mesh, connected_components
 from cascadenorm.mesh.averages import averaged
 
 PASSES = 64  # averaging passes; bumps up to about 30 mean edge lengths from crest to crest remain
@@ -14,6 +14,8 @@ ALTERNATION = -0.18  # autocorrelation halfway between crests, at most; -0.15 an
 LEAST_BUMP_HEIGHT = 0.01  # root mean square, in mean edge lengths, below which a surface is smooth
 NARROWEST_BUMPS = 5.0  # least width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
 FEWEST_BUMPS = 15  # bumps on one component, below which they are the shape
+COVERING = 0.9  # least number of bumps or hollows relative to that which covers a component; ridges are fewer
+LEAST_PART = 5  # vertices of a bump or hollow; smaller ones are noise
 BUMP_WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is least
 
 
@@ -29,7 +31,8 @@ def bumps(mesh: Mesh) -> Bumps | None:
 
     Heights above the smoothed surface, without their own smooth part, alternate between bumps and hollows. If all have
     about one width, the autocorrelation of the heights is clearly negative at half the distance between crests; on
-    other surfaces, on which widths vary, it only falls to about zero.
+    other surfaces, on which widths vary, it only falls to about zero. It is negative between rounded edges of a box as
+    well, but these are few long ridges, while bumps or the hollows between them are separate.
     """
     edge, topology = mesh.mean_edge_length, mesh.topology
     inside = topology.used_vertices & ~topology.boundary_vertices
@@ -37,14 +40,25 @@ def bumps(mesh: Mesh) -> Bumps | None:
         return None
     smooth = averaged(mesh.vertices, topology.vertex_neighbors, PASSES)
     heights = np.einsum("ij,ij->i", mesh.vertices - smooth, mesh.moved(smooth).vertex_normals) / edge
-    heights = (heights - averaged(heights, topology.vertex_neighbors, PASSES))[inside]
-    if not np.sqrt(np.mean(heights**2)) >= LEAST_BUMP_HEIGHT:
+    heights -= averaged(heights, topology.vertex_neighbors, PASSES)
+    size = np.sqrt(np.mean(heights[inside] ** 2))
+    if not size >= LEAST_BUMP_HEIGHT:
         return None
-    at, correlation = autocorrelation(mesh.vertices[inside] / edge, heights, REACH)
+    at, correlation = autocorrelation(mesh.vertices[inside] / edge, heights[inside], REACH)
     rising = np.flatnonzero(np.diff(correlation[1:]) > 0) + 1
     if not len(rising) or correlation[rising[0]] > ALTERNATION:
         return None
     half_wave = float(at[rising[0]])
-    largest = np.bincount(topology.face_components, mesh.areas).max()
-    width, count = BUMP_WIDTH * half_wave, largest / (2 * half_wave * edge) ** 2
-    return Bumps(width=width) if width >= NARROWEST_BUMPS and count >= FEWEST_BUMPS else None
+    areas = np.bincount(topology.face_components, mesh.areas)
+    largest = inside & (topology.components == np.argmax(areas))
+    covering = areas.max() / (2 * half_wave * edge) ** 2
+    count = max(_parts(mesh, largest & (sign * heights > size)) for sign in (1, -1))
+    width, least = BUMP_WIDTH * half_wave, max(FEWEST_BUMPS, COVERING * covering)
+    return Bumps(width=width) if width >= NARROWEST_BUMPS and covering >= FEWEST_BUMPS and count >= least else None
+
+
+def _parts(mesh: Mesh, chosen: Bools) -> int:
+    """Return the number of connected sets of chosen vertices, without those of fewer than LEAST_PART vertices."""
+    edges = mesh.topology.edges
+    parts = connected_components(edges[chosen[edges].all(axis=1)], len(mesh.vertices))
+    return int(np.count_nonzero(np.bincount(parts[chosen]) >= LEAST_PART))

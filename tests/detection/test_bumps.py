@@ -66,6 +66,16 @@ def test_other_surfaces_have_none(mesh):
     assert bumps(mesh) is None
 
 
+def test_rounded_edges_are_no_bumps():
+    """Ridges along the edges of a box alternate with its sides, as bumps do with hollows."""
+    box = cube(80)
+    inner = np.clip(box.vertices, -0.8, 0.8)
+    outward = box.vertices - inner
+    lengths = np.linalg.norm(outward, axis=1, keepdims=True)
+    rounded = box.moved(inner + 0.2 * outward / np.where(lengths > 0, lengths, 1))
+    assert bumps(rounded) is None
+
+
 def test_few_bumps_are_the_shape():
     few = grid(30, 30)
     x, y = np.pi * few.vertices[:, :2].T / (10 * few.mean_edge_length)
