@@ -16,7 +16,8 @@ NameOfKind = Literal["none", "independent", "correlated", "segmentation", "volum
 
 `none`: no significant error. `independent`: independent errors of the vertices. `correlated`: errors correlated over
 several edges. `segmentation`: steps of a binary mask. `volume`: an isosurface of a grey volume, such as a tomogram or
-fused depth images. `depth image`: a surface seen from one side, by a depth camera or a laser scanner.
+fused depth images. `depth image`: a measured surface seen from one side, by a depth camera or a laser
+scanner.
 """
 
 LEAST_ERROR = 0.01  # RMS error in mean edge lengths below which the kind is `none`
@@ -57,10 +58,11 @@ class ErrorKind:
         return f"{unsure}error {edges} in a surface from a grey volume{voxels}"
 
 
-def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind:
+def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0, measured: bool | None = None) -> ErrorKind:
     """Classify the error of a mesh from its vertices and their positions denoised by the reference method, (n, 3).
 
-    The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit.
+    The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit. `measured` says whether the
+    triangles are those of a measured surface, without which an open sheet is no depth image; None if that is unknown.
     """
     used, true = mesh.topology.used_vertices, mesh.moved(denoised)
     error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]
@@ -79,8 +81,8 @@ def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0) -> ErrorKind
         kind, sure = "segmentation", True
     elif openness <= OPEN[1] and is_segmentation(mesh):  # unknown voxel size, after surface nets or decimation
         kind, sure = "segmentation", False
-    elif openness > OPEN[0]:
-        kind, sure = "depth image", openness > OPEN[1]
+    elif openness > OPEN[0] and measured is not False:
+        kind, sure = "depth image", openness > OPEN[1] and measured is True
     else:
         kind, sure = "independent" if length < INDEPENDENT else "correlated", not UNSURE[0] < length < UNSURE[1]
     return ErrorKind(

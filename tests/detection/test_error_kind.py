@@ -114,11 +114,21 @@ def test_an_error_alike_over_several_edges_is_correlated_over_them():
     assert f"edges, correlated over about {found.length:.2g} edges" in str(found)
 
 
-def test_a_sheet_seen_from_one_side_is_a_depth_image():
+def test_a_measured_sheet_seen_from_one_side_is_a_depth_image():
     sheet = grid(40, 40)
-    found = error_kind(noisy(sheet, 0.2), sheet.vertices)
+    assert not error_kind(noisy(sheet, 0.2), sheet.vertices).sure
+    found = error_kind(noisy(sheet, 0.2), sheet.vertices, measured=True)
     assert (found.kind, found.sure) == ("depth image", True)
     assert str(found) == f"error of {found.size:.2g} edges in a depth image or a laser scan"
+
+
+def test_an_open_sheet_with_noise_on_its_vertices_is_no_depth_image():
+    sheet = grid(60, 60)
+    x, y = sheet.vertices[:, :2].T * 2 * np.pi / 60
+    hills = sheet.moved(np.column_stack([sheet.vertices[:, :2], 4 * np.sin(2 * x) * np.cos(1.5 * y)]))
+    found = inspect(noisy(hills, 0.2))
+    assert found.treated_as.treatment == "vertex-noise"
+    assert (found.error.kind, found.error.sure) == ("independent", True)
 
 
 def test_a_laser_scan_is_not_taken_for_a_segmentation():
@@ -128,7 +138,7 @@ def test_a_laser_scan_is_not_taken_for_a_segmentation():
     dome = rows.moved(np.stack([x, y, np.sqrt(88**2 - x**2 - y**2)], axis=1))
     scan = dome.moved(dome.vertices + laser_displacements(dome, 0.1, rng=np.random.default_rng(0)))
     assert is_segmentation(scan)
-    found = error_kind(scan, dome.vertices)
+    found = error_kind(scan, dome.vertices, measured=True)
     assert (found.kind, found.sure) == ("depth image", True)
     assert str(found) == f"error of {found.size:.2g} edges in a depth image or a laser scan"
 
