@@ -56,7 +56,7 @@ def rolling_guidance_normal(
         return mesh.vertices.copy()
     width = min(width * mesh.mean_edge_length, WIDEST * mesh.diagonal)
     normals = rolled_normals(mesh, width=width, sigma=sigma, iterations=iterations)
-    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="inverse-height")
+    return fit_vertices(mesh, normals, fit=fit, sweeps=sweeps, weighting="cotangent")
 
 
 def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -> Vectors:

@@ -20,11 +20,12 @@ VertexFit = Annotated[
     Parameter("Update of the vertices: Gauss-Seidel sweeps, or one sparse solve, which may flip faces"),
 ]
 Sweeps = Annotated[int, Parameter("Number of Gauss-Seidel sweeps of the vertex update", minimum=0)]
-Weighting = Literal["uniform", "inverse-height"]  # weight of each face in the vertex update; see `recover_vertices`
+Weighting = Literal["uniform", "cotangent"]  # weights in the vertex update; see `recover_vertices`
 Foldovers = Literal["avoid", "ignore"]  # handling of steps that flip faces against their normals
-OVER_RELAXATION = 2.3
-LEAST_HEIGHT = 0.05  # height in mean edge lengths below which the weight of a face no longer grows
-ATTACHMENT = 0.01  # μ, weight of the given positions; a smaller one overfits filtered normals, which no surface has
+OVER_RELAXATION = 1.5  # of the steps with cotangent weights
+PUBLISHED_RELAXATION = 2 / 3  # a published step goes to the mean of three corners, of which one is the vertex itself
+LEAST_HEIGHT = 0.02  # height of a face, relative to its longest side, below which its weights no longer grow
+ATTACHMENT = 0.015  # μ, weight of the given positions; a smaller one overfits filtered normals, which no surface has
 
 
 def recover_vertices(
@@ -36,38 +37,79 @@ def recover_vertices(
     foldovers: Foldovers = "avoid",
     movable: NDArray[np.bool_] | None = None,
 ) -> Vectors:
-    """Move vertices until the faces have the given normals: x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f.
+    """Move vertices until the faces have the given normals, by Gauss-Seidel sweeps.
 
-    The (m, 3) normals are unit vectors; a face with a zero row has no influence. Each sweep is Gauss-Seidel: it updates
-    one group of vertices that share no face after the other. Only `movable` vertices, (n,), move; None selects all.
-    Returns (n, 3) vertices; those without a face do not move.
+    The sweeps minimise Σ_f Σ_k s_fk <n_f, e_fk>² with the three sides e_fk of each face and their weights s_fk from
+    `side_weights`. A step is x_i += ω Σ_f (s_fj <n_f, x_j - x_i> + s_fk <n_f, x_k - x_i>) n_f / Σ_f (s_fj + s_fk) with
+    the sides from x_i to the other corners j and k of each face f around it.
 
-    The weighting "uniform", as published, minimises the distances of corners from the plane of their face. For a thin
-    face these are small even if its normal deviates strongly. "inverse-height" divides them by the height of the face:
-    the step is x_i += 2.3 Σ_{f∋i} w_f <n_f, c_f - x_i> n_f / Σ_{f∋i} w_f with w_f from `face_weights`. With this
-    over-relaxation, 20 sweeps converge as far as 100 uniform ones.
+    With uniform weights and ω = 2/3 this is the published x_i += (1/N_i) Σ_{f∋i} <n_f, c_f - x_i> n_f. The long sides
+    of an elongated face then count most, although its normal hardly depends on them, and small errors of the given
+    normals become large errors of the faces. With cotangent weights the sum is Σ_f A_f sin² θ_f, where θ_f is the angle
+    between n_f and the normal of the face. A_f and the cotangents are those before the update, and ω = 1.5.
 
     Unless foldovers are ignored, as published, a step that would flip a face against its normal is shortened. Vertices
     of a face that is already flipped are pulled toward the mean of their neighbours until it has the right orientation.
+
+    Each sweep updates one group of vertices that share no face after the other.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices and m faces.
+    normals
+        (m, 3) unit vectors. A face with a zero row has no influence.
+    sweeps
+        Number of sweeps.
+    weighting
+        Weights of the sides.
+    foldovers
+        Whether steps that flip faces are avoided.
+    movable
+        (n,) vertices that may move. None selects all.
+
+    Returns
+    -------
+    (n, 3) vertices. Those without a face do not move.
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
     groups = [colors.row(color) for color in range(len(colors.counts))]
     if movable is not None:
         groups = [group[movable[group]] for group in groups]
-    weights, avoid = face_weights(mesh, weighting), foldovers == "avoid"
-    step = OVER_RELAXATION if weighting == "inverse-height" else 1.0  # factor on the published one
+    weights, avoid = side_weights(mesh, weighting), foldovers == "avoid"
+    relaxation = OVER_RELAXATION if weighting == "cotangent" else PUBLISHED_RELAXATION
     for _ in range(sweeps):
         for mine in groups:
-            parallel_for(len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, step, avoid, around)
+            parallel_for(
+                len(mine), _sweep_range, mine, vertices, mesh.faces, normals, weights, relaxation, avoid, around
+            )
     return vertices
 
 
-def face_weights(mesh: Mesh, weighting: Weighting) -> NDArray[np.float64]:
-    """Return the weight of each face, (m,): 1, or the inverse of its height in mean edge lengths, at most 20."""
-    if weighting == "uniform" or not mesh.mean_edge_length > 0:
-        return np.ones(len(mesh.faces))
-    return np.asarray(1 / np.maximum(mesh.heights / mesh.mean_edge_length, LEAST_HEIGHT))
+def side_weights(mesh: Mesh, weighting: Weighting) -> Floats:
+    """Return the weight of the side opposite each corner, (m, 3): 1/3, or half the cotangent of the angle there.
+
+    Cotangents of faces lower than LEAST_HEIGHT are computed with that height, which bounds them.
+    """
+    if weighting == "uniform":
+        return np.full(mesh.faces.shape, 1 / 3)
+    weights = np.zeros(mesh.faces.shape)
+    parallel_for(len(weights), _half_cotangents, mesh.vertices, mesh.faces, weights)
+    return weights
+
+
+@kernel
+def _half_cotangents(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
+    for f in range(start, stop):
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        u, v, w = subtract(b, a), subtract(c, b), subtract(a, c)
+        double_area = np.sqrt(dot(cross(u, v), cross(u, v)))
+        double_area = max(double_area, LEAST_HEIGHT * max(dot(u, u), dot(v, v), dot(w, w)))
+        if double_area > 0:
+            out[f, 0] = -0.5 * dot(w, u) / double_area
+            out[f, 1] = -0.5 * dot(u, v) / double_area
+            out[f, 2] = -0.5 * dot(v, w) / double_area
 
 
 @kernel
@@ -78,7 +120,7 @@ def _sweep_range(
     vertices: Vectors,
     faces: Ints32,
     normals: Vectors,
-    weights: Floats,
+    weights: Vectors,
     relaxation: float,
     avoid: bool,
     around: Csr,
@@ -99,20 +141,20 @@ def _sweep_range(
         # Each adjacent face pulls the vertex along its normal, toward its plane. Faces that are flipped are counted.
         for k in range(last - first):
             f = around.indices[first + k]
-            a, b, c = faces[f]
-            if a != i:  # the corners in order, starting at i
-                b, c = (c, a) if b == i else (a, b)
+            corner = 0 if faces[f, 0] == i else 1 if faces[f, 1] == i else 2
+            after, before = (corner + 1) % 3, (corner + 2) % 3
             normal = row(normals, f)
-            u, v = subtract(row(vertices, b), place), subtract(row(vertices, c), place)
-            pull = dot(normal, add(u, v)) / 3.0 * weights[f]
-            total += weights[f]
+            u = subtract(row(vertices, faces[f, after]), place)
+            v = subtract(row(vertices, faces[f, before]), place)
+            pull = weights[f, before] * dot(normal, u) + weights[f, after] * dot(normal, v)
+            total += weights[f, before] + weights[f, after]
             areas[k] = dot(normal, cross(u, v))
             step = add(step, scaled(pull, normal))
             slopes[k, 0], slopes[k, 1], slopes[k, 2] = cross(normal, subtract(v, u))
             flipped += areas[k] < 0
 
         # The step is the over-relaxed mean of the pulls. The published update always takes it.
-        step = divided(step, total / relaxation)
+        step = scaled(relaxation / total if total > 0 else 0.0, step)
         if not avoid:
             vertices[i, 0], vertices[i, 1], vertices[i, 2] = add(place, step)
             continue
@@ -168,31 +210,44 @@ def fit_vertices(
     """Move vertices until the faces have the given normals, (m, 3), by sweeps or by least squares."""
     if fit == "sweeps":
         return recover_vertices(mesh, normals, sweeps=sweeps, weighting=weighting)
-    return least_squares_vertices(mesh, normals, weights=face_weights(mesh, weighting))
+    return least_squares_vertices(mesh, normals, weights=side_weights(mesh, weighting))
 
 
 def least_squares_vertices(mesh: Mesh, normals: Vectors, *, weights: Floats, attachment: float = ATTACHMENT) -> Vectors:
-    """Minimise Σ_f w_f Σ_{i∈f} <n_f, x_i - c_f>² + μ Σ_i W_i |x_i - x⁰_i|² by one sparse solve.
+    """Minimise Σ_f Σ_k s_fk <n_f, e_fk>² + μ Σ_i W_i |x_i - x⁰_i|² by one sparse solve.
 
-    c_f is the centroid of the face and W_i the sum of w_f around a vertex. The first term is a third of
-    Σ_f w_f Σ <n_f, x_i - x_j>² over the sides of the face, the least-squares system of Taubin (2001), which Sun et al.
-    (2007) and Zheng et al. (2011) solve by descent; the vertex update has the same stationary points. The attachment μ
-    makes the solution unique. Faces may flip. The normals are (m, 3) unit vectors, or zero for faces without influence,
-    and the weights w_f, (m,), are positive. Returns (n, 3) vertices; those without a face do not move.
+    e_fk are the sides of each face and s_fk their weights. Without the second term, the sweeps of `recover_vertices`
+    come to the same minimum. This is the least-squares system of Taubin (2001), which Sun et al. (2007) and Zheng et
+    al. (2011) solve by descent. W_i is the sum of the weights of the sides at a vertex, face by face. The attachment μ
+    makes the solution unique. Faces may flip.
+
+    Parameters
+    ----------
+    mesh
+        Mesh with n vertices and m faces.
+    normals
+        (m, 3) unit vectors. A face with a zero row has no influence.
+    weights
+        (m, 3) weights of the sides opposite each corner, as of `side_weights`.
+
+    Returns
+    -------
+    (n, 3) vertices. Those without a face do not move.
     """
     count = len(mesh.vertices)
-    total = scatter_add(mesh.faces.ravel(), np.repeat(weights, 3), count)
+    around = np.roll(weights, 1, axis=1) + np.roll(weights, 2, axis=1)  # sums of the two sides at each corner
+    total = scatter_add(mesh.faces.ravel(), around.ravel(), count)
     total[total == 0] = 1.0  # without a face: only attached
 
-    # <n_f, x_i - x_j> of each side as a row over the coordinates of all vertices
-    first, second = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    # <n_f, x_i - x_j> of the side opposite each corner as a row over the coordinates of all vertices
+    first, second = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
     along = np.repeat(normals, 3, axis=0)
     axes = np.arange(3)
     columns = np.concatenate([3 * first[:, None] + axes, 3 * second[:, None] + axes], axis=1)
     starts = np.arange(0, columns.size + 1, 6)
     entries = np.concatenate([along, -along], axis=1)
     differences = scipy.sparse.csr_array((entries.ravel(), columns.ravel(), starts), (len(first), 3 * count))
-    stiffness = differences.T @ (scipy.sparse.diags_array(np.repeat(weights / 3, 3)) @ differences)
+    stiffness = differences.T @ (scipy.sparse.diags_array(weights.ravel()) @ differences)
 
     pull = np.repeat(attachment * total, 3)
     matrix = scipy.sparse.csr_array(stiffness + scipy.sparse.diags_array(pull))

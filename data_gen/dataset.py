@@ -24,12 +24,12 @@ from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.mesh import Mesh, Vectors
 
-PULLED = 0.3  # share of the meshes that are stretched with their triangles; no other step elongates all triangles
+PULLED = 0.3  # share of the meshes that are stretched with their triangles
 LEAST_FACES = 1200  # with fewer faces, the details of some families would be finer than their triangles
 CLEAN_SHARES: dict[ErrorPart, float] = {
     "low-poly": 0.8,
     "decimated": 0.75,
-    "structured": 0.7,
+    "structured": 0.5,
     "subdivided": 0.7,
     "modelled": 0.7,
     "isosurface": 0.4,
@@ -110,7 +110,8 @@ class Pair(NamedTuple):
     normals: Vectors  # (m, 3) true normal of each face; zero where it is unknown
     family: str  # of shapes
     noise_kind: NoiseKind
-    # Noise level in mean edge lengths of the clean mesh. `fused` defines it for meshes from a volume.
+    # Noise level in mean edge lengths of the clean mesh; for structured meshes, in edge lengths of equilateral
+    # triangles that are as high as its own on average. `fused` defines it for meshes from a volume.
     level: float
 
 
@@ -199,8 +200,15 @@ def own_pair(config: DatasetConfig, index: int, clean: Mesh) -> Pair:
 
 
 def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: np.random.Generator) -> Pair:
-    noisy = clean.moved(clean.vertices + displacements(clean, kind, level=level, rng=rng))
+    # Noise relative to the mean edge length would exceed the height of most elongated triangles
+    size = level * _narrowness(clean) if family == "structured" else level
+    noisy = clean.moved(clean.vertices + displacements(clean, kind, level=size, rng=rng))
     return Pair(noisy, clean, clean.face_normals, family, kind, level)
+
+
+def _narrowness(mesh: Mesh) -> float:
+    """Return the ratio of the mean height of the triangles to that of equilateral ones with the mean edge length."""
+    return float(mesh.heights.mean() / mesh.mean_edge_length) * 2 / math.sqrt(3)
 
 
 def pairs(config: DatasetConfig, indices: Sequence[int] | None = None, *, workers: int = 1) -> Iterator[Pair]:

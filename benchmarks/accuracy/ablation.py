@@ -66,7 +66,7 @@ def ladder(paper: TrainConfig, auto: TrainConfig) -> dict[str, TrainConfig]:
     changes = {
         "+ iterated filters, smoothed vertices, in place of one pass and guided filters": {"stages": filtered},
         "+ context features": {"context": auto.context},
-        "+ last fit by angles, foldovers avoided": {"stages": fitted},
+        "+ fits with cotangent weights, foldovers avoided": {"stages": fitted},
         "+ two hidden layers, fewer sweeps between the stages, 64 pairs of normals": {
             "fit": auto.fit,
             "stages": auto.stages,

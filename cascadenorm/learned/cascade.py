@@ -23,7 +23,7 @@ CASCADE_FORMATS = ("cascadenorm/8", "cascadenorm/7", "cascadenorm/6")
 """Formats of weights files. The first one is written. A format identifies the constants in `descriptors` and
 `features` too: add a format when a constant changes. In the second one, networks read all pairs of filtered normals; in
 the third one, weightings have other names as well. Both have a setting `neighborhood` for stages."""
-OLD_WEIGHTINGS = {"heights": "uniform", "angles": "inverse-height"}
+OLD_WEIGHTINGS = {"heights": "uniform", "angles": "cotangent", "inverse-height": "cotangent"}
 
 
 @dataclass(frozen=True)

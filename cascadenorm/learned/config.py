@@ -44,9 +44,9 @@ class Fit:
 
 
 VERTEX_STAGES = (
-    Stage(descriptor="iterated-32+smoothed", meshes=4000, sweeps=10),
-    Stage(descriptor="iterated-16+smoothed", pairs=64, epochs=10, sweeps=10),
-    Stage(descriptor="iterated-16+smoothed", pairs=64, epochs=10, weighting="inverse-height"),
+    Stage(descriptor="iterated-32+smoothed", meshes=4000, weighting="cotangent", sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", pairs=64, epochs=10, weighting="cotangent", sweeps=10),
+    Stage(descriptor="iterated-16+smoothed", pairs=64, epochs=10, weighting="cotangent"),
 )
 VERTEX_DATA = DatasetConfig(
     count=8000,

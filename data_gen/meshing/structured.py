@@ -1,7 +1,7 @@
 """Meshes over a grid of parameters, and subdivided cages.
 
 Such meshes come from modelling programs and elevation data: surfaces of revolution, tori, terrains. Their triangles are
-as regular as those of scanned grids, and they have no error.
+as regular as those of scanned grids.
 """
 
 from collections.abc import Callable
@@ -19,6 +19,9 @@ from cascadenorm.data_gen.shapes.placement import log_uniform
 from cascadenorm.mesh import Mesh
 
 FEWEST_CAGE_FACES = 60
+# Ratios of rows to columns. Triangles are elongated up to about fifteen times, along the rows or the columns
+TORUS_RATIOS = 0.2, 40.0
+REVOLVED_RATIOS = 0.1, 20.0
 
 
 def grid_faces(rows: int, columns: int, *, around: tuple[bool, bool], rng: np.random.Generator) -> NDArray[np.int32]:
@@ -54,7 +57,7 @@ def _numbers(faces: int, ratio: float) -> tuple[int, int]:
 
 def _torus(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Sweep a closed, lobed profile around a ring that may wave up and down."""
-    rows, columns = _numbers(faces, log_uniform((0.7, 5.0), rng=rng))
+    rows, columns = _numbers(faces, log_uniform(TORUS_RATIOS, rng=rng))
     u = np.linspace(0, 2 * np.pi, rows, endpoint=False)[:, None]
     v = np.linspace(0, 2 * np.pi, columns, endpoint=False)[None, :]
     minor = rng.uniform(0.12, 0.42) * (1 + rng.uniform(0, 0.25) * np.cos(int(rng.integers(2, 7)) * v))
@@ -67,7 +70,7 @@ def _torus(*, faces: int, rng: np.random.Generator) -> Mesh:
 
 def _revolved(*, faces: int, rng: np.random.Generator) -> Mesh:
     """Revolve a profile, smooth or with kinks, around an axis. The ends stay open."""
-    rows, columns = _numbers(faces, log_uniform((0.4, 2.5), rng=rng))
+    rows, columns = _numbers(faces, log_uniform(REVOLVED_RATIOS, rng=rng))
     height = np.linspace(-0.9, 0.9, columns)
     knots = int(rng.integers(3, 9))
     radii = rng.uniform(0.15, 0.7, knots)

@@ -103,16 +103,16 @@ def test_each_stage_comes_closer_to_shapes_that_no_training_saw(name, unseen):
     assert errors[-1] < bilateral
 
 
-@pytest.mark.parametrize("name", ["vertex", "surface"])
-def test_the_last_stage_of_auto_alone_weights_faces_by_inverse_heights(name):
-    assert [stage.settings.weighting for stage in NETWORKS[name].stages] == ["uniform", "uniform", "inverse-height"]
+@pytest.mark.parametrize("name, others", [("vertex", "cotangent"), ("surface", "uniform")])
+def test_the_stages_of_auto_fit_vertices_with_the_weights_they_were_trained_for(name, others):
+    assert [stage.settings.weighting for stage in NETWORKS[name].stages] == [others, others, "cotangent"]
 
 
 @pytest.mark.parametrize(
     "update",
     [
         {"weighting": weighting, "foldovers": foldovers, "sweeps": sweeps}
-        for weighting in ("uniform", "inverse-height")
+        for weighting in ("uniform", "cotangent")
         for foldovers in ("avoid", "ignore")
         for sweeps in (3, 20)
     ],

@@ -6,12 +6,12 @@ from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
 from cascadenorm.baselines import vertex_update
-from cascadenorm.baselines.vertex_update import Weighting, face_weights, least_squares_vertices, recover_vertices
-from cascadenorm.mesh import Mesh
+from cascadenorm.baselines.vertex_update import Weighting, least_squares_vertices, recover_vertices, side_weights
+from cascadenorm.mesh import Mesh, angles_between
 from cascadenorm.registry import registered
 
 
-def test_fitted_by_angles_thin_faces_come_nearer_to_their_normals():
+def test_with_cotangent_weights_thin_faces_come_nearer_to_their_normals():
     clean = grid(30, 30)
     clean = clean.moved(clean.vertices * (1, 0.1, 1) + np.sin(clean.vertices[:, :1] / 4) * (0, 0, 1))
     rough = noisy(clean, 0.1, seed=1)
@@ -22,14 +22,37 @@ def test_fitted_by_angles_thin_faces_come_nearer_to_their_normals():
     assert errors[1] < 0.8 * errors[0]
 
 
-def test_a_face_pulls_by_its_height_but_not_without_end():
-    sheet = Mesh([[0, 0, 0], [4, 0, 0], [1, 3, 0], [2, -1e-9, 0]], [[0, 1, 2], [1, 0, 3]])
-    np.testing.assert_array_equal(sheet.longest_edges, [np.sqrt(18), 4])
-    np.testing.assert_allclose(sheet.heights, [12 / np.sqrt(18), 1e-9])
-    np.testing.assert_allclose(face_weights(sheet, "inverse-height"), [sheet.mean_edge_length / sheet.heights[0], 20])
-    np.testing.assert_array_equal(face_weights(sheet, "uniform"), 1)
+def test_errors_of_the_normals_of_elongated_faces_do_not_grow():
+    sheet = grid(100, 16)
+    angle, along = 2 * np.pi * sheet.vertices[:, 0] / 16, sheet.vertices[:, 1] / 50
+    tube = sheet.moved(np.stack([np.cos(angle), np.sin(angle), along], axis=1))  # triangles 20 times as long as high
+    turned = tube.face_normals + np.random.default_rng(0).normal(0, 0.03, tube.face_normals.shape)
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    error = np.degrees(angles_between(turned, tube.face_normals).mean())
+    fits = {w: tube.moved(recover_vertices(tube, turned, weighting=w)) for w in get_args(Weighting)}
+    assert mean_angle(fits["uniform"], tube) > 3 * error
+    assert mean_angle(fits["cotangent"], tube) < 0.7 * error
+
+
+def test_with_cotangent_weights_the_squared_sines_of_the_angles_are_summed_by_area():
+    mesh = noisy(grid(6, 6), 0.3)
+    normals = noisy(grid(6, 6), 0.3, seed=2).face_normals
+    corners = mesh.vertices[mesh.faces]
+    sides = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
+    energy = (side_weights(mesh, "cotangent") * (sides * normals[:, None]).sum(axis=2) ** 2).sum(axis=1)
+    np.testing.assert_allclose(energy, mesh.areas * np.sin(angles_between(normals, mesh.face_normals)) ** 2)
+
+
+def test_weights_of_degenerate_faces_are_bounded():
+    sheet = Mesh([[0, 0, 0], [4, 0, 0], [0, 3, 0], [2, -1e-9, 0]], [[0, 1, 2], [1, 0, 3]])
+    found = side_weights(sheet, "cotangent")
+    np.testing.assert_allclose(found[0], [0, 2 / 3, 3 / 8], atol=1e-15)
+    np.testing.assert_allclose(found[1], [12.5, 12.5, -6.25], rtol=1e-6)
+    np.testing.assert_array_equal(side_weights(sheet, "uniform"), 1 / 3)
     point = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
-    np.testing.assert_array_equal(face_weights(point, "inverse-height"), 1)
+    np.testing.assert_array_equal(side_weights(point, "cotangent"), 0)
+    for weighting in get_args(Weighting):
+        np.testing.assert_array_equal(recover_vertices(point, np.eye(3)[:1], weighting=weighting), 0)
 
 
 @pytest.mark.parametrize("sweeps", [1, 3])
@@ -58,7 +81,7 @@ def test_true_normals_bring_the_error_near_zero_and_turn_no_face():
 
 
 def fitted(mesh, normals, attachment=1e-3):
-    weights = np.ones(len(mesh.faces))
+    weights = side_weights(mesh, "uniform")
     return mesh.moved(least_squares_vertices(mesh, normals, weights=weights, attachment=attachment))
 
 
@@ -76,14 +99,16 @@ def test_the_gradient_of_the_energy_vanishes():
     rng = np.random.default_rng(0)
     normals = mesh.face_normals + 0.2 * rng.normal(size=mesh.face_normals.shape)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    weights = rng.uniform(0.5, 2, len(mesh.faces))
+    weights = rng.uniform(0.5, 2, mesh.faces.shape)
     vertices = least_squares_vertices(mesh, normals, weights=weights, attachment=0.1)
     pull, total = np.zeros_like(vertices), np.zeros(len(vertices))
-    for corners, normal, weight in zip(mesh.faces, normals, weights, strict=True):
-        center = vertices[corners].mean(axis=0)
-        for i in corners:
-            pull[i] += weight * normal * (normal @ (vertices[i] - center))
-            total[i] += weight
+    for corners, normal, opposite in zip(mesh.faces, normals, weights, strict=True):
+        for side, weight in zip(((1, 2), (2, 0), (0, 1)), opposite, strict=True):
+            i, j = corners[list(side)]
+            force = weight * normal * (normal @ (vertices[i] - vertices[j]))
+            pull[i] += force
+            pull[j] -= force
+            total[[i, j]] += weight
     np.testing.assert_allclose(pull + 0.1 * total[:, None] * (vertices - mesh.vertices), 0, atol=1e-12)
     assert (vertices[-1] == 7).all()
 

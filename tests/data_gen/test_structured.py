@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from shapes import icosphere
 
+from cascadenorm.data_gen.dataset import DatasetConfig, pair
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.structured import grid_faces, structured_mesh, subdivided_cage, terrain_mesh
 from cascadenorm.mesh import Mesh
@@ -28,6 +29,16 @@ def test_structured_meshes_are_consistently_oriented_manifolds_of_the_wanted_siz
     assert is_manifold(mesh)
     assert 2000 < len(mesh.faces) < 4500
     assert (mesh.topology.balance[mesh.topology.interior_edges] == 0).all()
+
+
+def test_some_structured_meshes_have_triangles_ten_times_as_long_as_high_with_noise_that_fits_them():
+    config = DatasetConfig(families=("structured",), noise_kinds=("normal",), min_level=0.3, max_level=0.3)
+    made = [pair(config, index) for index in range(12)]
+    ratios = [np.median(one.clean.longest_edges / one.clean.heights) for one in made]
+    assert min(ratios) < 3 and max(ratios) > 10
+    for one in made:
+        moved = np.linalg.norm(one.noisy.vertices - one.clean.vertices, axis=1)
+        assert np.sqrt((moved**2).mean()) < 0.5 * one.clean.heights.mean()
 
 
 def test_a_terrain_has_one_height_above_each_post():

@@ -389,7 +389,7 @@ def test_another_constant_needs_another_format():
 def test_weights_with_the_header_of_an_older_version_give_the_same_vertices(tmp_path):
     first, last = random_regression("B+G"), random_regression("B")
     first = replace(first, settings=replace(first.settings, sweeps=10))
-    last = replace(last, settings=replace(last.settings, weighting="inverse-height"))
+    last = replace(last, settings=replace(last.settings, weighting="cotangent"))
     cascade = Cascade((first, last), {"config": {"last_weighting": "angles"}})
     old = {"activation": "tanh", "foldovers": "ignore", "neighborhood": "distance"}
     header = {

@@ -369,7 +369,7 @@ def test_settings_are_read_from_toml(tmp_path):
         (STAGE + "pairs = -1", "pairs is -1; it must be at least 0"),
         (STAGE + 'sweeps = "many"', "stages.sweeps is 'many'; it must be of type int"),
         ('[[stages]]\ndescriptor = "C"', "descriptor is 'C'; it must be one of B, B"),
-        (STAGE + 'weighting = "areas"', "weighting is 'areas'; it must be one of uniform, inverse-height"),
+        (STAGE + 'weighting = "areas"', "weighting is 'areas'; it must be one of uniform, cotangent"),
         (STAGE + 'foldovers = "mend"', "foldovers is 'mend'; it must be one of avoid, ignore"),
         (STAGE + 'activation = "relu"', "activation is 'relu'; it must be one of silu, tanh"),
         ("[fit]\nepochs = 0", "epochs is 0"),

@@ -59,7 +59,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
 
 
 def _fitted(mesh: Mesh, normals: Vectors, movable: Bools) -> Mesh:
-    return mesh.moved(recover_vertices(mesh, normals, weighting="inverse-height", movable=movable))
+    return mesh.moved(recover_vertices(mesh, normals, weighting="cotangent", movable=movable))
 
 
 def with_region_volumes(shells: Shells, mesh: Mesh, vertices: Vectors, *, weights: Floats) -> Vectors:
