@@ -137,7 +137,7 @@ def treads(mesh: Mesh) -> Treads | None:
     if other.sum() > one.sum():
         one, other = other, one
     area, base = float(tread_areas[one].sum()), float(tread_areas[other].max(initial=0.0))
-    if large.sum() < FEWEST_TREADS or area < SHARE * (mesh.area - base):
+    if one.sum() < FEWEST_TREADS or area < SHARE * (mesh.area - base):
         return None
     if tread_areas[other].sum() - base > OTHER_WAY * area:
         return None

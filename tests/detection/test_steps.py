@@ -108,6 +108,16 @@ def test_a_flat_base_does_not_hide_steps():
     assert found.count == alone.count
 
 
+def test_a_flat_base_is_no_step():
+    flat = grid(87, 20)
+    stairs = flat.moved(np.column_stack([flat.vertices[:, :2], 3.0 * (flat.vertices[:, 1] // 8)]))  # 11 treads
+    with_base = mirrored(stairs, 100)
+    vertices = with_base.vertices.copy()
+    vertices[len(stairs.vertices) :, 2] = -100
+    assert treads(stairs) is None
+    assert treads(with_base.moved(vertices)) is None
+
+
 def test_surfaces_without_steps_have_no_treads():
     assert treads(slope(1.5)[1]) is None
     assert treads(grid(30, 30)) is None
