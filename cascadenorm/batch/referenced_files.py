@@ -4,10 +4,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from cascadenorm import io
-from cascadenorm.errors import OutputError
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.files import copied_names
-from cascadenorm.io.sidecar_files import file_beside
+from cascadenorm.io.sidecar_files import copy_beside, existing_copy, file_beside
 
 Digests = Mapping[str, str | None]
 """Digests of referenced files by the names that a mesh has for them; None for those that were not copied."""
@@ -18,34 +17,37 @@ def copies_beside(names: Iterable[str], source: Path, output: Path) -> Digests:
 
     The digest of a copy, not that of its source, shows later whether the source has changed since it was copied.
     """
-    return {name: _digest(output, name) if _digest(source, name) else None for name in names}
+    return {name: _of_copy(output, name) if _of_source(source, name) else None for name in names}
 
 
 def are_current(copies: Digests, source: Path, output: Path) -> bool:
     """Test that the referenced files are those that were copied, and that the copies still exist."""
     return all(
-        _digest(source, name) == digest and (digest is None or file_beside(output.parent, name) is not None)
+        _of_source(source, name) == digest and (digest is None or _of_copy(output, name) is not None)
         for name, digest in copies.items()
     )
 
 
 def check_copies(copies: Digests, source: Path, output: Path) -> None:
     """Raise OutputError if a copy that has to be replaced was not written by a batch, or was changed since."""
-    for name in copied_names(io.read(source), io.output_format(output)):
-        present, new = _digest(output, name), _digest(source, name)
+    for name in copied_names(io.read(source), output):
+        present, new = _of_copy(output, name), _of_source(source, name)
         if None not in (present, new) and present not in (new, copies.get(name)):
-            raise OutputError(
-                f"{output.parent / name} exists already and differs from the referenced file {name!r}",
-                hint="choose another folder",
-                remedy=("force", True),
-                existing=[name],
-            )
+            raise existing_copy(output.parent / name, name)
 
 
-def _digest(mesh: Path, name: str) -> str | None:
-    """Return the digest of a file that a mesh refers to; None if it is missing, unreadable or outside the folder."""
-    path = file_beside(mesh.parent, name)
+def _of_source(source: Path, name: str) -> str | None:
+    """Return the digest of a file that a mesh refers to; None if it is missing, unreadable or outside its folder."""
+    return _digest(file_beside(source.parent, name))
+
+
+def _of_copy(output: Path, name: str) -> str | None:
+    """Return the digest of its copy for a result; None if it is missing, unreadable or outside its folder."""
+    return _digest(copy_beside(output, name))
+
+
+def _digest(path: Path | None) -> str | None:
     try:
-        return None if path is None else file_digest(path)
+        return file_digest(path) if path is not None and path.is_file() else None
     except OSError:
         return None

@@ -147,7 +147,7 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
             output.unlink(missing_ok=True)
             raise ChangedError(f"{job.source} changed while it was read", hint="try again when it is complete")
         written = file_and_buffers_digest(output)
-        copies = copies_beside(copied_names(after, io.output_format(output)), source, output)
+        copies = copies_beside(copied_names(after, output), source, output)
         left_out = summary.left_out
         if is_url(job.output):
             _check_target(settings, task)

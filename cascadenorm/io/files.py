@@ -30,7 +30,7 @@ from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
-from cascadenorm.io.sidecar_files import sidecar_files
+from cascadenorm.io.sidecar_files import copy_beside, sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.usd.layers import LAYER_EXTENSIONS
 from cascadenorm.io.usd.usd import UsdaFile, UsdcFile, UsdFile, UsdzFile, layer_format
@@ -203,15 +203,17 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
         sidecar_files(file, path, force=force)
 
 
-def copied_names(file: MeshFile, format: str) -> list[str]:
-    """Return the names of the files, such as textures, that `write` copies beside an output in another folder.
+def copied_names(file: MeshFile, target: Path) -> list[str]:
+    """Return the names of the files, such as textures, that `write` copies beside a target in another folder.
 
     Buffers of a glTF are not among them, since they are parts of the mesh.
     """
+    format = output_format(target)
     kind = _kind(format)
     assert kind is not None
     written = file if file.format == format else file.repacked(kind)
-    return [] if written is None else [name for name, needed in written.refers_to().items() if not needed]
+    named = {} if written is None else written.refers_to()
+    return [name for name, needed in named.items() if not needed and copy_beside(target, name) is not None]
 
 
 def check_stream(target: Source) -> None:

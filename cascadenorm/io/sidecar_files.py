@@ -66,31 +66,43 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
     copies: dict[Path, Iterable[Piece]] = {}
     left_out = []
     for name, needed in file.refers_to().items():
-        content = content_beside(file.folder, name)
-        outside = not is_within(name) or (content is not None and not (there / name).resolve().is_relative_to(there))
-        if outside and needed:
+        content, copy = content_beside(file.folder, name), copy_beside(target, name)
+        if copy is None and needed:
             raise OutputError(
                 f"the file references {_shown(name)}, which is outside its folder: write the output beside the input"
             )
         if content is None and needed:
             raise OutputError(f"the file references {_shown(name)}, which is missing or cannot be read: put it there")
-        if outside or content is None:
+        if copy is None or content is None:
             left_out.append(missing(name))
             continue
-        copy = (there / name).resolve()
         if copy == target.resolve():
             raise OutputError(f"the file references another one named {copy.name!r}: choose another name")
         if content_beside(there, name) == content:
             continue
         if copy.exists() and not force:
-            raise OutputError(
-                f"{copy} exists already and differs from the referenced file {_shown(name)}",
-                hint="choose another folder",
-                remedy=("force", True),
-                existing=[name],
-            )
+            raise existing_copy(copy, name)
         copies[copy] = [content]
     return copies, left_out
+
+
+def copy_beside(target: Path, name: str) -> Path | None:
+    """Return where a referenced file is copied for a target; None if that is outside the folder of the target."""
+    if not is_within(name):
+        return None
+    there = target.resolve().parent
+    copy = (there / name).resolve()
+    return copy if copy.is_relative_to(there) else None
+
+
+def existing_copy(copy: Path, name: str) -> OutputError:
+    """Return the error for a file with other content where a referenced one would be copied."""
+    return OutputError(
+        f"{copy} exists already and differs from the referenced file {_shown(name)}",
+        hint="choose another folder",
+        remedy=("force", True),
+        existing=[name],
+    )
 
 
 def missing(name: str) -> str:

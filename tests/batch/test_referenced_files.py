@@ -116,6 +116,19 @@ def test_files_that_no_batch_has_written_are_kept_when_a_mesh_begins_to_use_them
     assert run(BATCH) == 6 and copy("gloss.png") == b"precious"
 
 
+def test_textures_in_a_linked_folder_are_neither_copied_nor_compared(painted):
+    Path("elsewhere").mkdir()
+    Path("elsewhere", "wood.png").write_bytes(b"precious")
+    Path("out", "maps").symlink_to(Path("elsewhere").absolute())
+    Path("scans", "maps").mkdir()
+    replace("maps/wood.png", b"oak")
+    replace("paint.mtl", b"newmtl red\nmap_Kd maps/wood.png\n")
+    assert denoised() == {"a.obj", "b.obj"} and copy("maps/wood.png") == b"precious"
+    assert denoised() == set()
+    scan("a.obj", seed=5)
+    assert denoised() == {"a.obj"}
+
+
 def test_another_format_has_no_copies(painted):
     words = ["batch", "scans", "-o", "stl", *FAST, "--format", "stl", "--workers", "1"]
     assert run(words) == 0
