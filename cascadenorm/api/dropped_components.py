@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm import io
+from cascadenorm.controls.creases import renumbered_creases
 from cascadenorm.controls.weights import mask_weights, selected_faces, selected_vertices
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.small_components import component_count, small_components
@@ -82,8 +83,7 @@ def controls_of_kept(controls: Controls, dropped: Dropped, before: io.MeshFile) 
     not correspond, since a scene moves, repeats or omits meshes.
     """
     mask, fixed, only, creases = (controls[name] for name in ("mask", "fixed", "only", "creases"))
-    edges = np.zeros(0) if creases is None else np.asarray(creases)
-    if not dropped.components or (mask is None and fixed is None and only is None and edges.ndim < 2):
+    if not dropped.components or (mask is None and fixed is None and only is None and np.asarray(creases).ndim < 2):
         return controls
     mesh, faces, found = before.mesh, dropped.file.mesh.faces, controls.copy()
     source = np.full(len(dropped.file.mesh.vertices), -1)  # the vertex of the file that each vertex is
@@ -102,10 +102,7 @@ def controls_of_kept(controls: Controls, dropped: Dropped, before: io.MeshFile) 
         found["fixed"] = selected_vertices("fixed", fixed, len(mesh.vertices))[source]
     if only is not None:
         found["only"] = selected_faces(only, len(mesh.faces))[dropped.kept]
-    if edges.ndim == 2 and edges.dtype.kind in "iu":
-        place = np.full(len(mesh.vertices), -1)
-        place[source[source >= 0]] = np.flatnonzero(source >= 0)
-        within = (edges >= 0) & (edges < len(place))  # other indices are rejected where the controls are applied
-        ends = np.where(within, place[np.where(within, edges, 0)], edges)
-        found["creases"] = ends[(~within | (ends >= 0)).all(axis=1)]
+    numbers = np.full(len(mesh.vertices), -1)
+    numbers[mesh.faces[dropped.kept]] = faces
+    found["creases"] = renumbered_creases(creases, numbers)
     return found

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.controls.creases import renumbered_creases
 from cascadenorm.controls.weights import mask_weights, selected_faces, selected_vertices
 from cascadenorm.errors import ParameterError
 from cascadenorm.io import MeshFile
@@ -56,10 +57,7 @@ def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:
         found["mask"] = _reduce_copies(mask_weights(controls["mask"], len(welds)), welds, np.minimum)
     if controls["fixed"] is not None:
         found["fixed"] = _reduce_copies(selected_vertices("fixed", controls["fixed"], len(welds)), welds, np.maximum)
-    creases = np.asarray(controls["creases"])
-    if creases.ndim == 2 and creases.dtype.kind in "iu":
-        within = (creases >= 0) & (creases < len(welds))  # other indices are rejected where the controls are applied
-        found["creases"] = np.where(within, welds[np.where(within, creases, 0).astype(np.int64)], creases)
+    found["creases"] = renumbered_creases(controls["creases"], welds)
     return found
 
 

@@ -73,6 +73,21 @@ def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None =
     return _listed_edges(mesh, pairs if pairs.size else np.zeros((0, 2), np.int64), places)
 
 
+def renumbered_creases(creases: Any, numbers: NDArray[np.integer[Any]]) -> Any:
+    """Return creases over a mesh as creases over another one, with a new index of each vertex, -1 if it is left out.
+
+    Pairs of vertices of which one is left out are dropped. An angle stays as it is, and so do vertices that do not
+    exist, which `crease_edges` rejects.
+    """
+    pairs = np.asarray(creases)
+    if pairs.ndim != 2 or pairs.dtype.kind not in "iu":
+        return creases
+    exist = (pairs >= 0) & (pairs < len(numbers))
+    pairs = pairs.astype(np.int64)
+    found = np.where(exist, numbers[np.where(exist, pairs, 0)], pairs)
+    return found[(~exist | (found >= 0)).all(axis=1)]
+
+
 def _angles(mesh: Mesh) -> NDArray[np.float64]:
     """Return (e,) angles between the normals of the two faces of each edge; 0 for edges without exactly two faces."""
     topology = mesh.topology

@@ -3,7 +3,7 @@ import pytest
 from shapes import cube, grid, icosphere, mean_angle, noisy
 
 import cascadenorm as cn
-from cascadenorm.controls.creases import crease_edges, cut_along
+from cascadenorm.controls.creases import crease_edges, cut_along, renumbered_creases
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -174,6 +174,20 @@ def test_creases_do_not_harm_auto_on_a_cube():
     rough = noisy(box, 0.1)
     angles = [mean_angle(cn.denoise(rough, creases=given), box) for given in (None, edges)]
     assert angles[1] < 1.3 * angles[0] < 0.5
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.uint64])
+def test_vertices_of_creases_are_integers_of_any_type(kind):
+    ball = noisy(icosphere(2), 0.2)
+    edges = ball.topology.edges[:20]
+    results = [cn.denoise(ball, method="laplacian", creases=edges.astype(one)).vertices for one in (np.int64, kind)]
+    np.testing.assert_array_equal(*results)
+
+
+def test_creases_are_renumbered_without_those_of_vertices_that_are_left_out():
+    pairs, numbers = np.array([[0, 1], [1, 2], [2, 3], [9, 1]]), np.array([5, 0, -1, 1])
+    assert renumbered_creases(pairs, numbers).tolist() == [[5, 0], [9, 0]]
+    assert renumbered_creases(30.0, numbers) == 30.0
 
 
 @pytest.mark.parametrize("creases", [180, [], np.zeros((0, 2), int)])
