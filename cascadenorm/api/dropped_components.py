@@ -43,11 +43,11 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
         return Dropped(file, 0, 0, among, (), None)
     own, lost = as_one_mesh(file)
     own = own if own is file else own.with_settings_of(file)
+    shown = mesh_of_file(own, name)  # the scene may show a mesh several times
     same_order = file.parts is None or np.array_equal(own.positions, file.positions, equal_nan=True)
-    matches = same_order and len(mesh_of_file(own, name).faces) == len(mesh.faces)
-    mesh = own.mesh
-    among = component_count(mesh)  # of the scene, which may show a mesh several times
-    small, first = small_components(mesh, limit)
+    matches = same_order and len(shown.faces) == len(mesh.faces)
+    among = component_count(shown)
+    small, first = small_components(shown, limit)
     if not len(first):
         return Dropped(file, 0, 0, among, (), None)
     content = own.content()
