@@ -16,8 +16,7 @@ NameOfKind = Literal["none", "independent", "correlated", "segmentation", "volum
 
 `none`: no significant error. `independent`: independent errors of the vertices. `correlated`: errors correlated over
 several edges. `segmentation`: steps of a binary mask. `volume`: an isosurface of a grey volume, such as a tomogram or
-fused depth images. `depth image`: a measured surface seen from one side, by a depth camera or a laser
-scanner.
+fused depth images. `depth image`: a measured surface seen from one side, by a depth camera or a laser scanner.
 """
 
 LEAST_ERROR = 0.01  # RMS error in mean edge lengths below which the kind is `none`
@@ -61,8 +60,8 @@ class ErrorKind:
 def error_kind(mesh: Mesh, denoised: Vectors, *, exponent: int = 0, measured: bool | None = None) -> ErrorKind:
     """Classify the error of a mesh from its vertices and their positions denoised by the reference method, (n, 3).
 
-    The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit. `measured` says whether the
-    triangles are those of a measured surface, without which an open sheet is no depth image; None if that is unknown.
+    The mesh was scaled by 2**-exponent; voxel sizes are given in its original unit. `measured` is whether the triangles
+    are those of a measured surface; None if that is unknown. An open sheet is a depth image unless it is False.
     """
     used, true = mesh.topology.used_vertices, mesh.moved(denoised)
     error = np.einsum("ij,ij->i", mesh.vertices - denoised, true.vertex_normals)[used]

@@ -130,12 +130,12 @@ class MeshTreatment:
     treatment: Treatment  # of most of the faces
     probability: float  # of this treatment according to the gate, averaged over those faces
     share: float  # of the faces with this treatment; the other components get the other treatment
-    given: bool = False  # whether the user chose the treatment, so that the gate was not asked
+    given: bool = False  # whether `treat_as`, creases or coarse copies determined it, so that the gate was not asked
 
     def __str__(self) -> str:
         """Return a phrase, such as "measured surface (probability 0.93)"."""
         name = self.treatment.replace("-", " ")
-        if self.given:  # unknown is also what meshes are that are cut along creases
+        if self.given:  # `unknown` may follow from creases or coarse copies without being set
             return name if self.treatment == "unknown" else f"{name} (as set)"
         share = "" if self.share == 1 else f", {int(100 * self.share)}% of the faces"  # 99.8 % are not all
         return f"{name} (probability {self.probability:.2f}{share})"

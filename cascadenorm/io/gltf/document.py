@@ -117,7 +117,7 @@ def document_content(
 
 
 def joined_primitives(shapes: list[Primitive]) -> list[Primitive]:
-    """Join primitives of a mesh that share vertices; they usually differ in their materials. Points and lines go."""
+    """Join primitives of a mesh that share vertices, which usually differ in their materials; omit points and lines."""
     alike: dict[tuple[Any, ...], list[Primitive]] = {}
     for shape in shapes:
         if not len(shape.triangles):
