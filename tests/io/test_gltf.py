@@ -255,6 +255,15 @@ def test_made_files_hold_colours_and_texture(format, tmp_path):
     assert np.array_equal(seen_by_trimesh(tmp_path / f"a.{format}"), mesh.vertices)
 
 
+def test_content_can_be_read_any_number_of_times(monkeypatch):
+    monkeypatch.setattr("cascadenorm.io.limits.ALWAYS", 1.0)
+    monkeypatch.setenv("CASCADENORM_MAX_EXPANSION", "2")
+    file = read(glb())
+    for _ in range(20):
+        assert len(file.content().positions) > 0
+        assert file.vertex_values == {}
+
+
 def test_scenes_convert_with_transforms_and_mirrors():
     text = document(glb())
     half = 0.5**0.5

@@ -126,6 +126,10 @@ class Accessors:
     def __init__(self, document: dict[str, Any], buffers: Buffers, size: int) -> None:
         self._document, self._buffers, self._size, self._claimed = document, buffers, size, 0
 
+    def for_reading(self) -> "Accessors":
+        """Return the same accessors with no claims yet, since the limit holds for one reading of a file."""
+        return Accessors(self._document, self._buffers, self._size)
+
     def claim(self, count: int) -> None:
         """Count numbers that are copied out of the buffers, several times if shared. Raises ReadError if too many."""
         self._claimed += 8 * count

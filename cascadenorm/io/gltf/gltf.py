@@ -284,7 +284,8 @@ class GltfFile(MeshFile):
     def vertex_values(self) -> Mapping[str, NDArray[Any]]:
         """(k,) colours and texture coordinates of the positions, if all primitives with triangles have them."""
         shapes = joined_primitives(self._primitives)
-        shown = [shape_content(shape, self._accessors, self.positions[self._rows(shape)]) for shape in shapes]
+        accessors = self._accessors.for_reading()
+        shown = [shape_content(shape, accessors, self.positions[self._rows(shape)]) for shape in shapes]
         rows = np.concatenate([np.zeros(0, np.int64), *map(self._rows, shapes)])
         found = dict[str, NDArray[Any]]()
         for name, values in joined(shown).vertex_values.items():
@@ -347,7 +348,10 @@ class GltfFile(MeshFile):
     @_explained()
     def _read_content(self) -> Content:
         return document_content(
-            self._document, self._accessors, self._primitives, lambda p: self.positions[self._rows(p)]
+            self._document,
+            self._accessors.for_reading(),
+            self._primitives,
+            lambda p: self.positions[self._rows(p)],
         )
 
     @classmethod
