@@ -65,7 +65,8 @@ class Applied(NamedTuple):
     # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
     # `remove_detail`; None for other methods, and if no vertex was to be moved
     denoised: Vectors | None
-    is_cut: bool = False  # whether the method saw coarse copies, or a mesh that is cut along creases
+    # whether the method ran on coarse copies, or on a mesh that is cut along creases
+    other_triangles: bool = False
 
     @classmethod
     def elsewhere(cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None) -> "Applied":
