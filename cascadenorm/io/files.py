@@ -208,7 +208,7 @@ def copied_names(file: MeshFile, target: Path) -> list[str]:
 
     Buffers of a glTF are not among them, since they are parts of the mesh.
     """
-    format = output_format(target)
+    format = output_format(target, file.format)
     kind = _kind(format)
     assert kind is not None
     written = file if file.format == format else file.repacked(kind)
