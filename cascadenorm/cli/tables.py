@@ -144,7 +144,9 @@ def print_inspection(found: "Inspection") -> None:
             f"  mean edge length {_number(found.mean_edge_length)}, area {_number(found.area)}, "
             f"enclosed volume {_number(found.volume)}"
         )
-    noise = "cannot be estimated" if found.noise is None else f"about {found.noise:.2g} mean edge lengths"
+    noise = "cannot be estimated"
+    if found.noise is not None:
+        noise = f"{'below 0.001' if found.noise < 0.001 else f'about {found.noise:.2g}'} mean edge lengths"
     print(f"  noise along the normal: {noise}")
     if found.error is not None:
         print(f"  kind of error: {found.error}")
