@@ -174,6 +174,11 @@ def test_the_outer_boundary_of_a_small_surface_is_kept(size):
     np.testing.assert_array_equal(fill_holes(Mesh(np.eye(3), [(0, 1, 2)])).faces, [(0, 1, 2)])
 
 
+def test_the_outer_boundary_of_a_collapsed_face_is_kept():
+    point = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
+    assert len(fill_holes(point).faces) == 1
+
+
 def test_the_outer_boundary_of_an_open_surface_is_kept_and_holes_in_it_are_closed():
     plane = grid(12, 12)
     pierced = without(plane, (abs(plane.centroids[:, :2] - 6) < 3).all(axis=1))

@@ -123,7 +123,7 @@ def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
         length = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())
         of_part = int(part[loop[0]])
         longest[of_part] = max(longest.get(of_part, (0.0, -1)), (length, number))
-    return {number for of_part, (length, number) in longest.items() if length**2 > OUTER * areas[of_part]}
+    return {number for of_part, (length, number) in longest.items() if length**2 >= OUTER * areas[of_part]}
 
 
 def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
