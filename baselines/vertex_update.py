@@ -90,7 +90,8 @@ def recover_vertices(
 def side_weights(mesh: Mesh, weighting: Weighting) -> Floats:
     """Return the weight of the side opposite each corner, (m, 3): 1/3, or half the cotangent of the angle there.
 
-    Cotangents of faces lower than LEAST_HEIGHT are computed with that height, which bounds them.
+    Cotangents of faces lower than LEAST_HEIGHT are computed with that height, which bounds them. Unlike those of
+    `face_cotangents`, whose mollification depends on the whole mesh, they depend on their face only.
     """
     if weighting == "uniform":
         return np.full(mesh.faces.shape, 1 / 3)
