@@ -81,6 +81,8 @@ def denoise_files(
 ) -> Batch:
     """Denoise many files into a folder, each as by `denoise_file`; a failure does not stop the others.
 
+    In a script, call this function below `if __name__ == "__main__":`, because worker processes import the script.
+
     Parameters
     ----------
     sources

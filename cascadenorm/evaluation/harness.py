@@ -110,7 +110,8 @@ def evaluate(
         Folder for the meshes and their measures. Results of an earlier run with the same files, settings, weights and
         version are reused.
     workers
-        Number of processes. Several processes use one thread each, and run times then depend on the load.
+        Number of processes. Several processes use one thread each, and run times then depend on the load. In a script,
+        they require `if __name__ == "__main__":`, because they import the script.
     scheduler
         Address of the scheduler of a Dask cluster whose workers can access the same files; "local" starts a cluster of
         `workers` processes on this machine; None starts processes without Dask.

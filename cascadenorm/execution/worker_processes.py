@@ -86,7 +86,10 @@ class Worker(Generic[Sent, Received]):
             self._process.join(TERMINATION_TIMEOUT_S)
             code = self._process.exitcode
             cause = signal.Signals(-code).name if code is not None and code < 0 else f"exit code {code}"
-            raise WorkerError(f"the process that did the work ended early ({cause}): memory may be short") from None
+            hint = "memory may be short"
+            if code == 1:  # an error while the process started, when it imports the main script
+                hint = "in a script of your own, start the work below `if __name__ == '__main__':`"
+            raise WorkerError(f"the process that did the work ended early ({cause})", hint=hint) from None
         except Exception as error:  # the answer cannot be unpickled here
             raise WorkerError(f"what the process returned cannot be read: {type(error).__name__}: {error}") from None
         return found

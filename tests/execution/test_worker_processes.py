@@ -4,6 +4,8 @@ import atexit
 import ctypes
 import os
 import signal
+import subprocess
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -32,6 +34,14 @@ def test_one_process_that_ends_early_leaves_the_others():
         assert workers[1].receive() == 4
     finally:
         Worker.stop(workers)
+
+
+def test_a_script_without_a_guard_is_told_what_it_lacks(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text("from cascadenorm.execution.worker_processes import Worker\nWorker(abs).receive()\n")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    lines = done.stderr.splitlines()
+    assert "exit code 1): in a script of your own, start the work below `if __name__ == '__main__':`" in lines[-1]
 
 
 def slow_to_end(seconds: float) -> None:
