@@ -185,9 +185,9 @@ def by_family() -> dict[Family, list[Method]]:
 def _settings(function: "Callable[..., Vectors]") -> dict[str, Setting]:
     hints = get_type_hints(function, include_extras=True)
     settings = {}
-    for name, parameter in inspect.signature(function).parameters.items():
+    for name, parameter in list(inspect.signature(function).parameters.items())[1:]:  # the first is the mesh
         if parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
-            continue
+            raise TypeError(f"{function.__qualname__}: {name} must be a keyword-only parameter, after *")
         if name in RESERVED:
             raise ParameterError(f"{function.__qualname__}: {name} is a setting of denoise: rename the parameter")
         kind, about = declared(f"{function.__qualname__}: {name}", hints.get(name))

@@ -30,6 +30,16 @@ def test_a_parameter_without_a_declaration_is_refused_with_its_name(registered):
             return mesh.vertices
 
 
+def test_a_parameter_that_is_not_keyword_only_is_refused_with_its_name(registered):
+    with pytest.raises(TypeError, match="mine: rounds must be a keyword-only parameter"):
+
+        @registered
+        def mine(mesh, rounds: Annotated[int, Parameter("Number of rounds")] = 3):
+            return mesh.vertices
+
+    assert "mine" not in cn.methods()
+
+
 @pytest.mark.parametrize("name", ["strength", "mask", "method"])
 def test_a_parameter_that_is_named_as_a_setting_of_denoise_is_refused(registered, name):
     def mine(mesh, **settings):
