@@ -79,6 +79,8 @@ def test_the_page_of_commands_has_every_command_and_option():
     *commands, controls = page.split("\n## ")[1:]
     sections = dict(zip(command_line.names(), commands, strict=True))
     assert next(iter(sections)) == "denoise"  # what most come for
+    usages = re.findall(r"^cascadenorm (.*?) \[OPTIONS\]$", page, re.MULTILINE)
+    assert {"inspect IN", "models [MODEL]", "train-gate VERTEX SURFACE"} <= set(usages)  # optional in brackets
     explained = spelled("\n".join(re.findall(r"^\| `(-.*?)` \|", controls, re.MULTILINE)))
     for name, section in sections.items():
         assert section.startswith(f"`{name}`\n")

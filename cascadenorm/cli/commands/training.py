@@ -105,8 +105,8 @@ def train(
 @app.command("train-gate")
 @control_options("threads")
 def train_gate(
-    vertex: Annotated[Path, typer.Argument(help="Weights file trained with configs/vertex.toml.")],
-    surface: Annotated[Path, typer.Argument(help="Weights file trained with configs/surface.toml.")],
+    vertex: Annotated[Path, typer.Argument(metavar="VERTEX", help="Weights file trained with configs/vertex.toml.")],
+    surface: Annotated[Path, typer.Argument(metavar="SURFACE", help="Weights file trained with configs/surface.toml.")],
     *,
     output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path("auto.safetensors"),
     seed: Annotated[
