@@ -86,7 +86,7 @@ class Denoiser:
         mesh, faces
             As in `cascadenorm.denoise`.
         settings
-            Controls, and parameters of the method such as `sweeps`, but neither `method` nor `model`.
+            Controls, and parameters of the method such as `treat_as`, but neither `method` nor `model`.
 
         Returns
         -------

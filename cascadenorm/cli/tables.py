@@ -241,7 +241,7 @@ def print_curves(passes: "Sequence[Pass]") -> None:
         numbers = [stage, cluster, of_network[-1].epoch, best.epoch]
         figures = [f"{best.loss:.4f}", f"{best.validation:.4f}", f"{best.validation_deg:.2f}°"]
         rows.append([*map(str, numbers), *figures, sparkline([done.validation_deg for done in of_network])])
-    head = ("stage", "cluster", "passes", "best", "loss", "validation", "error", "error, pass by pass")
+    head = ("stage", "cluster", "epochs", "best", "loss", "validation", "error", "error by epoch")
     _print_table(head, "rrrrrrrl", rows)
 
 
