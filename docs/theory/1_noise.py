@@ -76,9 +76,8 @@ pictures = [render(disturbed(0.2, kind), size=(420, 420)) for kind in kinds]
 show(pictures, list(kinds.values()))
 
 # %%
-# How much noise is there, when the truth is not known? `inspect` estimates the level from how far vertices lie off
-# the surface that their neighbours suggest. The estimate is close up to a fifth of an edge, and falls short beyond,
-# where faces fold over.
+# How much noise is there, when the truth is not known? `inspect` estimates the level by what `auto` removes along the
+# normals. The estimate is close up to a fifth of an edge, and falls short beyond, where faces fold over.
 found = [cn.inspect(disturbed(level), self_intersections=False).noise for level in errors]
 figure, axis = plt.subplots(figsize=(6, 3.2), layout="constrained")
 axis.plot(errors, errors, color="grey", lw=1, label="true")
