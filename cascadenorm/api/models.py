@@ -70,7 +70,14 @@ class Denoiser:
         Returns
         -------
         The model, used by the method of the same name.
+
+        Raises
+        ------
+        ParameterError
+            No model of this name ships with the package.
         """
+        if name not in SHIPPED:
+            raise ParameterError(f"there is no shipped model {name!r}; there are: {', '.join(SHIPPED)}")
         return cls(shipped(name), method=name)
 
     @property

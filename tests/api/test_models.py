@@ -151,6 +151,11 @@ def test_a_denoiser_takes_no_other_method_or_model():
         cn.denoise(mesh, model=cn.Denoiser.shipped("cascade"))
 
 
+def test_a_model_that_does_not_ship_is_refused_with_the_names_of_those_that_do():
+    with pytest.raises(cn.ParameterError, match="there is no shipped model 'vertex'; there are: auto, cascade"):
+        cn.Denoiser.shipped("vertex")
+
+
 def test_nobody_changes_the_model_of_all():
     denoiser = cn.Denoiser.shipped()
     denoiser.card["gate"]["threshold"] = 99
