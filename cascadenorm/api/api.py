@@ -86,6 +86,8 @@ def denoise(mesh: Any, faces: ArrayLike | None = None, *, method: str = DEFAULT_
         The mesh is invalid. Its subclass ReadError is raised if a file cannot be read.
     ParameterError
         A method or parameter is unknown, a value is out of range, or a mask has the wrong shape.
+    DenoiseError
+        The method returned no usable vertices.
     OutputError
         The output file already exists or cannot be written.
     MissingDependencyError

@@ -120,15 +120,14 @@ class Inspection:
         Root mean square of the normal displacement by `auto`, in mean edge lengths; estimated from the mesh alone if
         `error` is None. None if there are too few interior edges for an estimate and `auto` finds no error.
     error
-        Kind of error that `auto` would remove; None for more than MOST_FACES_DENOISED faces, or if all vertices
-        coincide.
+        Kind of error that `auto` would remove; None for more than 300,000 faces, or if all vertices coincide.
     treated_as
         Kind of surface that `auto` chooses for the mesh; None if `error` is None.
     treads
         Wide flat steps, such as those of quantized depths, which may be error or shape; None if there are none.
     bumps
         Wide bumps of one width that cover the mesh, which may be error or shape; None if there are none, or for more
-        than MOST_FACES_DENOISED faces.
+        than 300,000 faces.
     """
 
     source: str
@@ -192,7 +191,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     faces
         (m, 3) integers.
     self_intersections
-        Whether to look for faces that cross each other. None does so for up to MOST_FACES_CROSSED faces.
+        Whether to look for faces that cross each other. None does so for up to 200,000 faces.
 
     Returns
     -------

@@ -114,7 +114,7 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.fl
     mesh
         Mesh with n vertices.
     count
-        Number of eigenvalues, at most n.
+        Number of eigenvalues, at most the number of vertices with a face.
     scale
         "keep" returns values in 1 / length²; "area" multiplies them by the area, which makes them independent of size.
 
