@@ -70,7 +70,7 @@ show(
 kinds = {
     "normal": "along the normals",
     "impulsive": "a share of the vertices",
-    "correlated": "alike over several edges",
+    "correlated": "correlated over several edges",
 }
 pictures = [render(disturbed(0.2, kind), size=(420, 420)) for kind in kinds]
 show(pictures, list(kinds.values()))

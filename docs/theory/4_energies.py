@@ -41,7 +41,7 @@ def show(meshes, titles):
 # %%
 # The two terms along the minima for many weights, the *L-curve*: on it nothing can be made smoother without going
 # farther from the data. A corner of the curve is a popular choice of the weight where the noise is unknown. This one
-# has none: the weight with the least error, which is computed from the true mesh, does not show in it.
+# has none: the weight with the lowest error against the true mesh does not stand out on it.
 laplacian = cotangent_laplacian(noisy)
 smoothness, distance = [], []
 weights = 10.0 ** np.linspace(-2, 2, 17)

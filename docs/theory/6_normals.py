@@ -29,7 +29,7 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3), layout="constrained")
 left.plot(x, height, ".-")
 left.set_title("positions")
 right.plot((x[1:] + x[:-1]) / 2, slope, ".-")
-right.set_title("slopes, which the normals have")
+right.set_title("slopes")
 
 # %%
 # On a mesh the normals of the faces are points on the unit sphere. Those of a cube are six points. Noise spreads each
