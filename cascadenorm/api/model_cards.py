@@ -40,7 +40,7 @@ cn.denoise("scan.ply", model="{file}")
 
 or `cascadenorm denoise scan.ply --model {file}`. The file is read as plain arrays; nothing in it is executed.
 
-{networks}
+{networks}{gate}
 The settings are in the file: `cascadenorm models {file}` prints them.
 """
 
@@ -58,9 +58,15 @@ Mean chord between regressed and true normals of faces that were held out, by st
 
 {limits}.
 
-## Made with{of}
+## Library versions{of}
 
 {versions}.
+"""
+
+GATE_TEMPLATE = """
+## Gate
+
+{model}. The gate chooses one of the networks for each connected component.
 """
 
 
@@ -69,7 +75,8 @@ def hub_card(model: str) -> str:
 
     Raises ParameterError if the file is missing or is not a model.
     """
-    networks = load_model(model).model.networks
+    loaded = load_model(model)
+    networks, gate = loaded.model.networks, loaded.card.get("gate")
     card = next(iter(networks.values())).card
     file = weights_file(model) if model in SHIPPED else Path(model)
     return CARD_TEMPLATE.format(
@@ -82,6 +89,7 @@ def hub_card(model: str) -> str:
         size=file.stat().st_size,
         digest=file_digest(file),
         networks="\n".join(_network(name, cascade.card) for name, cascade in networks.items()),
+        gate=GATE_TEMPLATE.format(model=_sentence(gate["model"])) if gate else "",
     )
 
 

@@ -212,7 +212,9 @@ def test_the_card_for_the_hub_has_the_digest_and_the_licence_of_the_file(tmp_pat
     assert run(["models", "auto", "--hub", str(card)]) == 5  # it exists
     assert run(["models", "auto", "--hub", str(card), "--force"]) == 0
     shipped_file = Path(cn.__file__).parent / "weights" / "auto.safetensors"
-    assert hashlib.sha256(shipped_file.read_bytes()).hexdigest() in card.read_text(encoding="utf-8")
+    text = card.read_text(encoding="utf-8")
+    assert hashlib.sha256(shipped_file.read_bytes()).hexdigest() in text
+    assert "## Library versions of the surface network" in text and "## Gate\n\nExtremely randomised trees" in text
 
 
 @pytest.mark.parametrize("suffix", ["csv", "jsonl"])
@@ -235,7 +237,9 @@ def test_a_log_goes_on_after_an_interruption_and_the_later_of_two_passes_counts(
 def test_logs_of_another_kind_are_refused(tmp_path, capsys):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     assert run(["models", "--curves", str(tmp_path / "other.csv")]) == 3
-    assert "holds no passes of a training" in capsys.readouterr().err
+    assert "other.csv is not a log of `cascadenorm train`" in capsys.readouterr().err
+    assert run(["models", "--curves", str(tmp_path / "none.csv")]) == 3
+    assert "none.csv cannot be read: No such file or directory\n" in capsys.readouterr().err
     assert run(["train", "--quick", "-o", str(tmp_path / "w.safetensors"), "--log", str(tmp_path / "log.txt")]) == 2
     assert "must end in .csv or .jsonl" in capsys.readouterr().err
 
