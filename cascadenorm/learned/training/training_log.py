@@ -87,8 +87,10 @@ def read_passes(log: Path) -> list[Pass]:
         text = checked_log(log).read_text(encoding="utf-8")
         rows = csv.DictReader(io.StringIO(text)) if log.suffix == ".csv" else map(json.loads, text.splitlines())
         found = [Pass(**{name: kind(row[name]) for name, kind in Pass.__annotations__.items()}) for row in rows]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ReadError(f"{log} holds no passes of a training: {error}") from error
+    except OSError as error:
+        raise ReadError(f"{log} cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ReadError(f"{log} is not a log of `cascadenorm train`") from error
     return sorted({done[:3]: done for done in found}.values())
 
 
