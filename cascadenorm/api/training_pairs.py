@@ -2,6 +2,7 @@
 
 from functools import partial
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def _mesh_files(places: Paths) -> list[Path]:
 
 
 def write_pairs(
-    folder: Path,
+    folder: str | PathLike[str],
     *,
     count: int,
     seed: int,
@@ -83,6 +84,7 @@ def write_pairs(
     """
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")
+    folder = Path(folder)
     if folder.is_dir() and any(folder.iterdir()) and not force:
         raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = DatasetConfig(count=count, seed=seed)

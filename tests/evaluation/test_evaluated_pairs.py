@@ -52,7 +52,7 @@ def test_folders_without_pairs_are_refused(folder, tmp_path):
 
 def test_generated_pairs_can_be_evaluated_and_repeat(tmp_path):
     for name in ("one", "two"):
-        write_pairs(tmp_path / name, count=1, seed=3)
+        write_pairs(str(tmp_path / name), count=1, seed=3)
     (pair,), (again,) = find_pairs([tmp_path / "one"]), find_pairs([tmp_path / "two"])
     assert pair.noisy.read_bytes() == again.noisy.read_bytes()
     done = evaluate([tmp_path / "one"], methods=[])
