@@ -247,6 +247,29 @@ def test_truth_values_and_half_precision_can_be_converted(format, tmp_path):
     assert found["flag"].tolist() == [1, 0, 0, 1, 0, 1] * 2 and found["heat"].tolist() == [0.5, 1, 2, 3, 4, 5] * 2
 
 
+def test_values_of_vertices_are_those_of_their_mesh_in_any_order_of_the_scene():
+    """The values are the coordinates x, indexed, so that a vertex with the value of another one is seen."""
+    ball, text = icosphere(1), "#usda 1.0\n"
+    for kind, name, shift in ("class", "a", 0), ("def", "b", 5):
+        text += f"""{kind} Mesh "{name}" {{
+            point3f[] points = {[tuple(row) for row in (ball.vertices + shift).tolist()]}
+            int[] faceVertexCounts = {[3] * len(ball.faces)}
+            int[] faceVertexIndices = {ball.faces.ravel().tolist()}
+            float[] primvars:weight = {(ball.vertices[::-1, 0] + shift).tolist()} (interpolation = "vertex")
+            int[] primvars:weight:indices = {list(range(len(ball.vertices)))[::-1]}
+            float primvars:number = 3 (interpolation = "vertex")
+            float[] primvars:wide.timeSamples = {{ 1: [1], 2: [2] }}
+        }}
+"""
+    shown = [f'def "{name}" (references = </a>)\n{{\n}}\n' for name in "cd"]
+    for scene in "", shown[0], shown[0] + shown[1]:
+        file = read((text + scene).encode(), "usda")
+        assert {*file.vertex_values} == {"weight"}
+        np.testing.assert_array_equal(file.vertex_values["weight"], file.positions[:, 0])
+    bad = text.replace("weight:indices = [", "weight:indices = [99, ").replace(", 0]", "]")
+    assert "weight" not in read(bad.encode(), "usda").vertex_values
+
+
 def test_names_of_meshes_are_labels(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.usda").write_text(SCENE)

@@ -1,13 +1,14 @@
 """The meshes that the layers of a USD file define."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.shown import reversed_polygons
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, as_bytes
+from cascadenorm.io.shown import NamedValues, reversed_polygons, values_of_vertices
 from cascadenorm.mesh.polygons import Polygons
 
 USD_NORMALS = ("primvars:normals", "normals")
@@ -107,3 +108,62 @@ def normal_rows(mesh: LayerMesh, name: str) -> tuple[NDArray[Any], NDArray[np.in
     if indices is not None and indices.ndim == 1 and indices.dtype.kind in "iu":
         rows = np.append(indices.astype(np.int64), -1)[np.where((rows >= 0) & (rows < len(indices)), rows, -1)]
     return normals, np.where((rows >= 0) & (rows < len(normals)), rows, -1)
+
+
+def mesh_content(mesh: LayerMesh) -> Content:
+    """Return a mesh as its layer defines it, with the values that the layer gives its vertices and faces."""
+    values = values_of(_primvars(mesh), len(mesh.points), mesh.polygons, mesh.places)
+    return Content(mesh.points, mesh.polygons, *values)
+
+
+def _primvars(mesh: LayerMesh) -> Iterator[tuple[str, str, Any]]:
+    """Yield the name, the interpolation and the values of each primvar of a mesh that is not animated."""
+    for attribute in mesh.prim.attributes:
+        name = attribute.name.removeprefix("primvars:")
+        if name == attribute.name:
+            continue
+        try:
+            values, rows = value(mesh.prim, attribute.name), value(mesh.prim, f"{attribute.name}:indices")
+        except ReadError:  # animated
+            continue
+        if values is not None and rows is not None:
+            inside = np.ndim(values) > 0 and rows.dtype.kind in "iu" and ((rows >= 0) & (rows < len(values))).all()
+            values = values[rows] if inside else None
+        yield name, attribute.GetInfo("interpolation") or "constant", values
+
+
+def values_of(
+    primvars: Iterable[tuple[str, str, Any]], count: int, polygons: Polygons, places: NDArray[np.int64]
+) -> tuple[NamedValues, NamedValues]:
+    """Return the values of vertices and faces among primvars: colours, texture coordinates, and numbers.
+
+    A primvar is given by its name, its interpolation, and its values without indices.
+    """
+    vertex_values, face_values = dict[str, NDArray[Any]](), dict[str, NDArray[Any]]()
+    for name, kind, flat in primvars:
+        values = np.asarray(flat) if flat is not None and not isinstance(flat, str) else np.zeros(0)
+        if values.dtype.kind not in "fiub" or not values.ndim:
+            continue
+        if values.dtype in (np.bool_, np.float16):  # other formats do not have these types
+            values = values.astype(np.uint8 if values.dtype == np.bool_ else np.float32)
+        if kind == "constant" and name == "displayColor" and len(values) == 1:
+            kind, values = "vertex", values.repeat(count, axis=0)
+        if kind == "faceVarying" and len(values) == len(polygons.corners):
+            per_vertex = values_of_vertices(values[places], polygons.corners, count)
+            if per_vertex is None:
+                continue
+            kind, values = "vertex", per_vertex
+        if kind in ("vertex", "varying") and len(values) == count:
+            vertex_values |= _columns(name, values)
+        elif kind == "uniform" and len(values) == len(polygons):
+            face_values |= _columns(name, values)
+    return vertex_values, face_values
+
+
+def _columns(name: str, values: NDArray[Any]) -> NamedValues:
+    """Return values under the names that PLY uses, or nothing for unsupported vectors."""
+    if values.ndim == 1:
+        return {name: values}
+    if name == "displayColor" and values.shape[1:] == (3,):
+        return dict(zip(CHANNELS, as_bytes(values).T, strict=False))
+    return dict(zip(TEXTURE, values.T, strict=True)) if name == "st" and values.shape[1:] == (2,) else {}

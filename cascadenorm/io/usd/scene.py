@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ReadError
-from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, as_bytes, with_distinct_names
+from cascadenorm.io.content import CHANNELS, TEXTURE, Content, Look, with_distinct_names
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion
-from cascadenorm.io.shown import NamedValues, joined, placed, values_of_vertices
+from cascadenorm.io.shown import joined, placed
 from cascadenorm.io.usd.layers import Layers, quiet, target, without_files_outside
-from cascadenorm.io.usd.meshes import oriented_polygons
-from cascadenorm.mesh.polygons import Polygons
+from cascadenorm.io.usd.meshes import oriented_polygons, values_of
 
 KEPT_ELSEWHERE = {
     "Material": "materials",
@@ -102,7 +101,7 @@ def _visible(meshes: list[Any]) -> list[Any]:
 
 def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Content:
     """Return a mesh transformed by its matrix, which applies to row vectors."""
-    from pxr import Usd
+    from pxr import Usd, UsdGeom
 
     time, path = Usd.TimeCode.EarliestTime(), str(mesh.GetPath())
     points, counts, corners = (
@@ -112,50 +111,16 @@ def _shown(mesh: Any, matrix: NDArray[np.float64]) -> Content:
     points = points.reshape(-1, 3) if points.size % 3 == 0 else np.zeros((0, 3), np.float32)
     reverses = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     polygons, places = oriented_polygons(counts, corners, reverses, path)
-    vertex_values, face_values = _values(mesh, time, len(points), polygons, places)
+    primvars = (
+        (str(primvar.GetPrimvarName()), primvar.GetInterpolation(), primvar.ComputeFlattened(time))
+        for primvar in UsdGeom.PrimvarsAPI(mesh).GetPrimvarsWithValues()
+    )
+    vertex_values, face_values = values_of(primvars, len(points), polygons, places)
     content = Content(points, polygons, vertex_values, face_values)
     holes = mesh.GetHoleIndicesAttr().Get(time)
     if holes:
         content = content.with_polygons(~np.isin(np.arange(len(polygons)), np.asarray(holes)))
     return placed(content, matrix.T)
-
-
-def _values(
-    mesh: Any, time: Any, count: int, polygons: Polygons, places: NDArray[np.int64]
-) -> tuple[NamedValues, NamedValues]:
-    """Return the values of vertices and faces: colours, texture coordinates, and numbers."""
-    from pxr import UsdGeom
-
-    vertex_values, face_values = dict[str, NDArray[Any]](), dict[str, NDArray[Any]]()
-    for primvar in UsdGeom.PrimvarsAPI(mesh).GetPrimvarsWithValues():
-        name, kind = primvar.GetPrimvarName(), primvar.GetInterpolation()
-        flat = primvar.ComputeFlattened(time)
-        values = np.asarray(flat) if flat is not None and not isinstance(flat, str) else np.zeros(0)
-        if values.dtype.kind not in "fiub":
-            continue
-        if values.dtype in (np.bool_, np.float16):  # other formats do not have these types
-            values = values.astype(np.uint8 if values.dtype == np.bool_ else np.float32)
-        if kind == "constant" and name == "displayColor" and len(values) == 1:
-            kind, values = "vertex", values.repeat(count, axis=0)
-        if kind == "faceVarying" and len(values) == len(polygons.corners):
-            per_vertex = values_of_vertices(values[places], polygons.corners, count)
-            if per_vertex is None:
-                continue
-            kind, values = "vertex", per_vertex
-        if kind in ("vertex", "varying") and len(values) == count:
-            vertex_values |= _columns(name, values)
-        elif kind == "uniform" and len(values) == len(polygons):
-            face_values |= _columns(name, values)
-    return vertex_values, face_values
-
-
-def _columns(name: str, values: NDArray[Any]) -> NamedValues:
-    """Return values under the names that PLY uses, or nothing for unsupported vectors."""
-    if values.ndim == 1:
-        return {name: values}
-    if name == "displayColor" and values.shape[1:] == (3,):
-        return dict(zip(CHANNELS, as_bytes(values).T, strict=False))
-    return dict(zip(TEXTURE, values.T, strict=True)) if name == "st" and values.shape[1:] == (2,) else {}
 
 
 class _Composition:

@@ -1,6 +1,7 @@
 """USD files: replace points and normals, as they are before the transforms of the scene, and keep all else."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from cascadenorm.io.usd.layers import (
     said,
     usdz_archive,
 )
-from cascadenorm.io.usd.meshes import USD_NORMALS, meshes_in, normal_rows, set_value, value
+from cascadenorm.io.usd.meshes import USD_NORMALS, mesh_content, meshes_in, normal_rows, set_value, value
 from cascadenorm.io.usd.scene import scene_content, stage_of
 from cascadenorm.mesh import any_in_rows, box_of
 from cascadenorm.mesh.polygons import Polygons
@@ -100,6 +101,11 @@ class UsdFile(MeshFile):
     def refers_to(self) -> dict[str, bool]:
         """Return the names of other layers and of textures, which are not changed."""
         return dict.fromkeys(references(self._layers[next(iter(self._layers))]), False)
+
+    @property
+    def vertex_values(self) -> Mapping[str, NDArray[Any]]:
+        """(k,) values of the points, if all meshes have them; the scene may show the meshes in another order."""
+        return joined([mesh_content(mesh) for mesh in self._meshes]).vertex_values
 
     def face_labels(self) -> list[Labels]:
         sizes = [len(mesh.polygons) for mesh in self._meshes]
