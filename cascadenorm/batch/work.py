@@ -22,7 +22,7 @@ from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerE
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest
 from cascadenorm.io.files import copied_names, is_url
-from cascadenorm.io.sidecar_files import missing
+from cascadenorm.io.sidecar_files import LAYERS, missing
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -213,10 +213,19 @@ def _may_replace(task: Task) -> bool:
 def _is_ours(task: Task) -> bool:
     """Test whether an existing file is a result of the batch, which may be replaced.
 
-    This includes results that a stopped process may have written at the last moment.
+    This includes results that a stopped process may have written at the last moment, and copies of the source beside
+    results that refer to it.
     """
     line, output = task.line, task.job.output
-    if line is None or not _exists(output):
+    if not _exists(output):
+        return False
+    if (
+        _is_local(task.job)
+        and output.lower().endswith(LAYERS)
+        and _digest(output, task) == _digest(task.job.source, task)
+    ):
+        return True
+    if line is None:
         return False
     stopped = line["status"] == "failed" and line["error"]["type"] == WorkerError.__name__
     return stopped or bool(line["status"] == "started") or _digest(output, task) == line["output_sha256"]
@@ -228,7 +237,8 @@ def _after(error: Exception, job: Job) -> Literal["continue", "retry", "stop"]:
     if isinstance(cause, OSError) and cause.errno in FULL:
         return "stop"
     temporary = isinstance(error, MemoryError | ChangedError) or (isinstance(cause, OSError) and cause is not error)
-    # a copy that belongs to several meshes is outdated until the first of them is denoised again
-    shared = isinstance(error, OutputError) and bool(error.existing)
+    # a copy that belongs to several meshes is outdated until the first of them is denoised again, and another file may
+    # have put a copy where the result belongs
+    shared = isinstance(error, OutputError) and error.remedy == ("force", True)
     lasting = isinstance(cause, PermissionError) or (isinstance(cause, FileNotFoundError) and job.changed is None)
     return "retry" if (temporary or shared) and not lasting else "continue"

@@ -30,7 +30,7 @@ from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
-from cascadenorm.io.sidecar_files import copy_beside, sidecar_files
+from cascadenorm.io.sidecar_files import LAYERS, copy_beside, sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.usd.layers import LAYER_EXTENSIONS
 from cascadenorm.io.usd.usd import UsdaFile, UsdcFile, UsdFile, UsdzFile, layer_format
@@ -206,14 +206,15 @@ def check_target(file: MeshFile, target: Source, *, format: str, force: bool) ->
 def copied_names(file: MeshFile, target: Path) -> list[str]:
     """Return the names of the files, such as textures, that `write` copies beside a target in another folder.
 
-    Buffers of a glTF are not among them, since they are parts of the mesh.
+    Buffers of a glTF are not among them, since they are parts of the mesh, nor USD layers, which are meshes themselves.
     """
     format = output_format(target, file.format)
     kind = _kind(format)
     assert kind is not None
     written = file if file.format == format else file.repacked(kind)
     named = {} if written is None else written.refers_to()
-    return [name for name, needed in named.items() if not needed and copy_beside(target, name) is not None]
+    further = [name for name, needed in named.items() if not needed and not name.lower().endswith(LAYERS)]
+    return [name for name in further if copy_beside(target, name) is not None]
 
 
 def check_stream(target: Source) -> None:

@@ -8,6 +8,9 @@ from urllib.parse import unquote, urlsplit
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import MeshFile, Piece
 
+LAYERS = (".usd", ".usda", ".usdc", ".usdz")
+"""Extensions of referenced files that are meshes themselves, so that a result of theirs may stand beside a target."""
+
 
 def is_within(name: str) -> bool:
     """Whether a relative name stays within its folder on every operating system."""
@@ -58,7 +61,7 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
 
     There are none if the target is in the folder of the file. Returns as well the references that are missing or
     outside. Raises OutputError if a required file is missing or outside the folder, or if a file with other content
-    exists and force is not given.
+    exists and force is not given. An existing USD layer is kept, since it may be the result of the referenced one.
     """
     there = target.resolve().parent
     if file.folder is not None and file.folder.resolve() == there:
@@ -78,7 +81,7 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
             continue
         if copy == target.resolve():
             raise OutputError(f"the file references another one named {copy.name!r}: choose another name")
-        if content_beside(there, name) == content:
+        if content_beside(there, name) == content or (copy.exists() and name.lower().endswith(LAYERS)):
             continue
         if copy.exists() and not force:
             raise existing_copy(copy, name)

@@ -134,3 +134,25 @@ def test_another_format_has_no_copies(painted):
     assert run(words) == 0
     replace("wood.png", b"pine")
     assert run(words) == 0 and len(lines(painted / "stl", "done")) == 2
+
+
+@pytest.mark.parametrize("larger", ["part", "scene"])
+def test_a_scene_uses_the_results_of_the_layers_that_it_references(larger, place, monkeypatch):
+    """The larger file is denoised first."""
+    pytest.importorskip("pxr")
+    monkeypatch.setattr(batch, "LocalProcesses", InThisProcess)
+    (place / "scans").mkdir()
+    replace("paint.usda", b"#usda 1.0\n")
+    for seed, name in enumerate(("part", "scene")):
+        path = Path("scans", f"{name}.usda")
+        save_mesh(path, noisy(BALL, 0.2, seed=seed))
+        reference = b'def "more" (\n references = [@./part.usda@</mesh>, @paint.usda@]\n) {\n}\n' * (name == "scene")
+        path.write_bytes(path.read_bytes() + reference + b"# larger\n" * 99 * (name == larger))
+    denoise_files("scans", "out", method="laplacian", workers=1)
+    assert copy("part.usda") != Path("scans", "part.usda").read_bytes() and copy("paint.usda") == b"#usda 1.0\n"
+    assert {line["output"] for line in lines(place / "out", "done")} == {"part.usda", "scene.usda"}
+    Path("scans", "scene.usda").write_bytes(Path("scans", "scene.usda").read_bytes() + b"# changed\n")
+    result = copy("part.usda")
+    again = denoise_files("scans", "out", method="laplacian", workers=1)
+    assert [line["output"] for line in again.lines if line["status"] == "done"] == ["scene.usda"]
+    assert copy("part.usda") == result
