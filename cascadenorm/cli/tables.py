@@ -148,7 +148,7 @@ def print_inspection(found: "Inspection") -> None:
     if found.noise is not None:
         noise = f"{'below 0.001' if found.noise < 0.001 else f'about {found.noise:.2g}'} mean edge lengths"
     print(f"  noise along the normal: {noise}")
-    if found.error is not None:
+    if found.error is not None and found.noise is not None:
         print(f"  kind of error: {found.error}")
     if found.treated_as is not None:
         print(f"  treated as: {found.treated_as}")

@@ -303,6 +303,7 @@ def test_the_command_speaks_plainly(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "1 face references a vertex that does not exist: 2\n" in out and "counted from 1" in out
     assert "open: 1 boundary loop with 4 edges;" in out and "noise along the normal: cannot be estimated" in out
+    assert "kind of error" not in out
     save_mesh(tmp_path / "flat.ply", grid(9, 9))
     assert run(["inspect", str(tmp_path / "flat.ply")]) == 0
     assert "noise along the normal: below 0.001 mean edge lengths" in capsys.readouterr().out
