@@ -100,6 +100,8 @@ def read(source: Source, format: str | None = None) -> MeshFile:
             raise ReadError("the file is empty")
         mark = codecs.BOM_UTF8 if data.startswith(codecs.BOM_UTF8) and not is_binary_stl(data) else b""
         data = data.removeprefix(mark)
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and not is_binary_stl(data):
+            raise ReadError("the file is text in UTF-16, which is not supported: save it as UTF-8")
         chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
