@@ -13,6 +13,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.io.files import as_one_mesh
 from cascadenorm.io.interop import mesh_of_file
+from cascadenorm.io.obj import ObjFile
 from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.registry.controls import Controls
 
@@ -63,17 +64,20 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     unused = np.zeros(len(content.positions), bool)
     unused[content.with_polygons(~kept).polygons.corners] = True
     unused[left.polygons.corners] = False
-    left = replace(
-        left,
-        positions=content.positions[~unused],
-        polygons=Polygons(left.polygons.indptr, (np.cumsum(~unused) - 1)[left.polygons.corners]),
-        vertex_values={key: values[~unused] for key, values in content.vertex_values.items()},
-    )
-    kind = type(own)
-    pieces, further = kind.encode(left)
-    made = kind(b"".join(pieces), own.folder).with_settings_of(file)
-    losses = tuple(dict.fromkeys([*lost, *content.left_out, *further]))
-    return Dropped(made, len(first), int(bad.sum()), among, losses, ~small if matches else None)
+    made: io.MeshFile | None = own.without(bad, unused) if isinstance(own, ObjFile) else None
+    if made is None:
+        kind = type(own)
+        pieces, further = kind.encode(
+            replace(
+                left,
+                positions=content.positions[~unused],
+                polygons=Polygons(left.polygons.indptr, (np.cumsum(~unused) - 1)[left.polygons.corners]),
+                vertex_values={key: values[~unused] for key, values in content.vertex_values.items()},
+            )
+        )
+        made, lost = kind(b"".join(pieces), own.folder), [*lost, *content.left_out, *further]
+    made = made.with_settings_of(file)
+    return Dropped(made, len(first), int(bad.sum()), among, tuple(dict.fromkeys(lost)), ~small if matches else None)
 
 
 def controls_of_kept(controls: Controls, dropped: Dropped, before: io.MeshFile) -> Controls:

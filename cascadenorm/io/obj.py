@@ -1,5 +1,6 @@
 """Wavefront OBJ: replace the numbers of `v` and `vn` and keep all lines."""
 
+import copy
 import os
 import re
 from collections.abc import Iterable
@@ -17,6 +18,7 @@ from cascadenorm.io.sidecar_files import content_beside, file_beside
 from cascadenorm.io.text.number_format import lines_of, replace_words, rows_of
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
+from cascadenorm.mesh import Bools
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, ranges
 
@@ -121,6 +123,25 @@ class ObjFile(MeshFile):
             rows.append(b"f %d %d %d" % tuple((patches.triangles[row] + 1).tolist()))
         glue = b"" if self.data.endswith((b"\n", b"\r")) and not self.data.rstrip().endswith(b"\\") else b"\n"
         return ObjFile(self.data + glue + b"\n".join(rows) + b"\n", self.folder)
+
+    def without(self, polygons: Bools, vertices: Bools) -> "ObjFile | None":
+        """Return this file without the lines of some polygons, and of some vertices that only these polygons use.
+
+        Returns None if vertices are used in another way: by lines, points, free-form surfaces or faces that reference
+        vertices that do not exist.
+        """
+        text, missing = self._text, self.polygons.out_of_range(len(self.positions))
+        if missing.any() or any(len(text.lines_with(keyword)) for keyword in (b"l", b"p", b"cstype")):
+            return None
+        kept = ~polygons[self.polygons.owners]
+        fields = copy.copy(text)
+        fields.starts, fields.ends = self._field(0, self._corners[kept])
+        numbers = np.cumsum(~vertices)[self.polygons.corners[kept]]  # counted from 1
+        data = b"".join(replace_words(fields, (np.arange(len(numbers)), numbers)))
+        lines = np.sort(np.concatenate([self._faces[polygons], self._vertices[vertices]]))
+        file = ObjFile(Text(data, continued=True).without_lines(lines), self.folder)
+        file.mark = self.mark
+        return file
 
     def _line(self, line: int) -> list[bytes]:
         """Return the words of a line with a keyword. Names may contain #, which begins a comment in other lines."""

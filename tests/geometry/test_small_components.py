@@ -127,6 +127,43 @@ def test_values_of_vertices_and_faces_stay_with_what_is_kept(tmp_path):
     assert content.polygons.counts.tolist() == [4, 3] and content.polygons.corners.tolist() == [0, 1, 2, 3, 1, 2, 6]
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("relative", [False, True])
+def test_lines_of_an_obj_file_about_what_is_kept_stay(end, relative, tmp_path):
+    """A triangle is dropped whose vertices stand between those of two others with materials and textures."""
+    before = [
+        "# scanned",
+        "mtllib paint.mtl",
+        "v 0 0 0 0.5 0.5 0.5",
+        "v 9 9 9",
+        "v 1 0 0",
+        "v 9 8 9 # far",
+        "v 9 9 8",
+        "",
+    ]
+    between = ["v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vn 0 0 1", "g near", "usemtl red"]
+    far, near = ["  f 2/1 4/2 \\", "5/3 # far"], ["f 1/1/1 3/2/1 6/3/1", "usemtl green", "s off", "f 6/3/1 7/1/1 1/2/1"]
+    kept = ["f 1/1/1 2/2/1 3/3/1", "usemtl green", "s off", "f 3/3/1 4/1/1 1/2/1"]
+    if relative:
+        far = ["  f -6/1 -4/2 \\", "-3/3 # far"]
+        near = ["f -7/-3/-1 -5/-2/-1 -2/-1/-1", "usemtl green", "s off", "f -2/-1/-1 -1/-3/-1 -7/-2/-1"]
+        kept = ["f 1/-3/-1 2/-2/-1 3/-1/-1", "usemtl green", "s off", "f 3/-1/-1 4/-3/-1 1/-2/-1"]
+    for order, rows in ([*far, *near], kept), ([*near, *far], [*kept, ""]):
+        (tmp_path / "a.obj").write_bytes(b"\xef\xbb\xbf" + end.join([*before, *between, *order]).encode())
+        dropped = without_small_components(cn.read(tmp_path / "a.obj"), 2, "a.obj")
+        assert (dropped.components, dropped.faces, dropped.left_out) == (1, 1, ())
+        expected = [*before[:3], "v 1 0 0", "", *between, *rows]
+        assert b"".join(dropped.file.pieces()) == b"\xef\xbb\xbf" + end.join(expected).encode()
+        assert dropped.kept.tolist() == [row.strip().startswith("f") and row in near for row in order if "f " in row]
+
+
+def test_lines_of_an_obj_file_that_use_vertices_are_left_out(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\nv 9 9 9\nv 9 8 9\nv 9 9 8\nf 5 6 7\nl 1 5\n"
+    (tmp_path / "a.obj").write_text(text, encoding="ascii")
+    dropped = without_small_components(cn.read(tmp_path / "a.obj"), 2, "a.obj")
+    assert dropped.left_out == ("lines",) and len(dropped.file.positions) == 4
+
+
 def obj_of_parts() -> bytes:
     """The parts as objects of an OBJ file: a small one, the large one with two groups, and two others."""
     mesh, lines, first = together(*PARTS), [], 0

@@ -54,6 +54,17 @@ class Text:
         before = self.data[: int(place)]
         return 1 + before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
 
+    def without_lines(self, lines: Offsets) -> bytes:
+        """Return the text without some lines, given in ascending order, and their line ends."""
+        whole = np.append(self.bytes, np.zeros(2, np.uint8))
+        ends = np.append(np.flatnonzero(np.isin(self.bytes, (ord("\r"), ord("\n")))), len(self.bytes))
+        stops = ends[np.searchsorted(ends, self.ends[self.stop[lines] - 1])] + 1
+        stops += (whole[stops - 1] == ord("\r")) & (whole[stops] == ord("\n"))
+        borders = np.zeros(len(whole), np.int8)
+        borders[np.append(0, ends + 1)[np.searchsorted(ends, self.starts[self.first[lines]])]] += 1
+        borders[stops] -= 1
+        return self.bytes[np.cumsum(borders, dtype=np.int8)[: len(self.bytes)] == 0].tobytes()
+
     def word(self, index: int) -> bytes:
         return self.data[int(self.starts[index]) : int(self.ends[index])]
 
