@@ -12,6 +12,7 @@ from cascadenorm.controls.weights import mask_weights, selected_faces, selected_
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.io.files import as_one_mesh
+from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.mesh.polygons import Polygons
@@ -24,7 +25,7 @@ class Dropped(NamedTuple):
     `among` is the number of connected components before.
     """
 
-    file: io.MeshFile  # the given file if nothing was dropped, else a PLY or OBJ file in memory
+    file: io.MeshFile  # the given file if nothing was dropped, else a PLY, OBJ or glTF file in memory
     components: int
     faces: int
     among: int
@@ -42,6 +43,13 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     small, first = small_components(mesh, limit)
     if not len(first):
         return Dropped(file, 0, 0, among, (), None)
+    if isinstance(file, GltfFile):
+        gone = np.zeros(len(file.polygons), bool)
+        gone[file.triangle_polygons[~file.left_out][small]] = True
+        if (rest := file.without(gone)) is not None:
+            in_place = file.parts is None or np.array_equal(file.content().positions, file.positions, equal_nan=True)
+            rest = rest.with_settings_of(file)
+            return Dropped(rest, len(first), int(gone.sum()), among, (), ~small if in_place else None)
     own, lost = as_one_mesh(file)
     own = own if own is file else own.with_settings_of(file)
     shown = mesh_of_file(own, name)  # the scene may show a mesh several times

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 from shapes import cube, icosphere
 
 import cascadenorm as cn
@@ -12,6 +13,8 @@ from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError, counted
 from cascadenorm.geometry.small_components import component_limit, small_components
 from cascadenorm.io.content import Content
+from cascadenorm.io.files import FORMATS
+from cascadenorm.io.gltf.accessors import NewAccessors
 from cascadenorm.io.gltf.document import document_of
 from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.interop import save_mesh
@@ -247,3 +250,42 @@ def test_components_of_a_scene_are_dropped_where_it_shows_them(tmp_path, capsys,
     if small:  # which vertices the indices name is unclear where the scene moves or repeats meshes
         assert run([*words, "--force", "--drop-components", "1%", "--fixed", "0-9"]) == 2
         assert "write the file as PLY first" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("format", ["gltf", "glb"])
+def test_materials_of_a_gltf_file_stay_where_components_are_dropped(tmp_path, format):
+    """One mesh loses a component at the front of its primitive, the other one all triangles."""
+    both = together(SMALL, LARGE)
+    values = {"s": both.vertices[:, 0], "t": both.vertices[:, 1]}
+    document, buffer, _ = document_of(Content(both.vertices, Polygons.from_rows(both.faces.astype(np.int64)), values))
+    (of_both,) = document["meshes"]
+    of_both["primitives"][0]["material"] = 0
+    alone = NewAccessors(document, begin=len(buffer))
+    position = alone.add(SMALL.vertices.astype("<f4"), bounds=True)
+    indices = alone.add(SMALL.faces.astype("<u2").reshape(-1, 1), indices=True)
+    document |= {
+        "materials": [{"name": "paint"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": position}, "indices": indices}]}, of_both],
+        "nodes": [{"mesh": 0, "weights": []}, {"mesh": 1, "name": "scan", "scale": [2, 2, 2]}],
+        "scenes": [{"nodes": [0, 1]}],
+        "accessors": alone.accessors,
+        "bufferViews": alone.views,
+        "buffers": [{"byteLength": len(buffer) + len(alone.data)}],
+    }
+    source, output = tmp_path / f"a.{format}", tmp_path / f"b.{format}"
+    source.write_bytes(b"".join(FORMATS[format]._made(document, buffer + bytes(alone.data))))
+    done = cn.denoise_file(source, output, method="laplacian", strength=0, drop_components="1%")
+    assert (done.dropped_components, done.components, done.left_out) == (2, 3, ())
+    file = cn.read(output)
+    made, (primitive,) = file._document, file._document["meshes"][0]["primitives"]
+    assert made["materials"] == document["materials"] and primitive["material"] == 0
+    assert made["nodes"] == [{}, {"mesh": 0, "name": "scan", "scale": [2, 2, 2]}]
+    bounds = made["accessors"][primitive["attributes"]["POSITION"]]
+    large = both.vertices[len(SMALL.vertices) :].astype(np.float32)
+    assert np.array_equal([bounds["min"], bounds["max"]], [large.min(axis=0), large.max(axis=0)])
+    (shown,) = trimesh.load_scene(output, process=False).geometry.values()
+    assert shown.visual.material.name == "paint"
+    used = np.unique(shown.faces)
+    np.testing.assert_array_equal(shown.vertices[used], large)
+    np.testing.assert_allclose(shown.visual.uv[used], large[:, :2], rtol=0, atol=1e-6)
+    assert file.face_labels()[1].carrying("paint").all()

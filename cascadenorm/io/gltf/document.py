@@ -90,7 +90,7 @@ def document_content(
     for shape in joined_primitives(shapes):
         of_mesh.setdefault(shape.mesh, []).append(shape)
     meshes = of_mesh.keys()
-    places = [(mesh, matrix) for mesh, matrix in _instances(document) if mesh in meshes]
+    places = [(mesh, matrix) for mesh, matrix in instances(document) if mesh in meshes]
     places = places or [(mesh, np.eye(4)) for mesh in meshes]  # a library of meshes without a scene
     uses = [(shape, matrix) for mesh, matrix in places for shape in of_mesh[mesh]]
     accessors.claim(sum(3 * len(shape.positions.at) + shape.triangles.size for shape, _ in uses))
@@ -140,7 +140,7 @@ def shape_content(shape: Primitive, accessors: Accessors, positions: NDArray[Any
     return Content(positions, Polygons.from_rows(shape.triangles), values)
 
 
-def _instances(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
+def instances(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
     """Return the meshes that the scene shows, with the transforms of their nodes."""
     nodes = document.get("nodes", [])
     if not nodes:

@@ -22,6 +22,7 @@ from cascadenorm.io.gltf.document import (
     check_lists,
     document_content,
     document_of,
+    instances,
     joined_primitives,
     json_bytes,
     parsed,
@@ -32,7 +33,7 @@ from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.shown import joined
 from cascadenorm.io.sidecar_files import relative_name
-from cascadenorm.mesh import all_in_rows, any_in_rows, box_of, repeats_vertex
+from cascadenorm.mesh import Bools, all_in_rows, any_in_rows, box_of, repeats_vertex
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
@@ -326,23 +327,84 @@ class GltfFile(MeshFile):
         for primitive in self._primitives:
             if len(primitive.normals.at):
                 stored[self._rows(primitive)] = primitive.normals.read(self._buffers.data)
-        inner = self._chunk is not None and "uri" not in self._buffers.declared[0]
-        begin, buffer = (len(self._chunk or b""), 0) if inner else (0, len(self._buffers.declared))
-        added = NewAccessors(self._document, buffer=buffer, begin=begin)
+        added = self._further_accessors()
         rows = [self._rows(p) for p in self._primitives]
         arrays = self.positions, self.welds, stored
         with _explained():
             made = PatchedDocument(self._document, self._accessors, self._primitives, rows, *arrays, patches, added)
-        buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
-        if inner:
-            chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
-            buffers[0]["byteLength"] = len(chunk)
-        else:
-            buffers.append({"byteLength": len(data), "uri": embedded(data)})
         if made.untextured:
             what = counted(made.untextured, "patch", "patches")
             patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
-        text = json_bytes({**made.document, "buffers": buffers})
+        return self._with_document(made.document, added)
+
+    def without(self, triangles: Bools) -> "GltfFile | None":
+        """Return this file without some of its triangles, (m,), of which no vertex is used by others.
+
+        Primitives and meshes without triangles are removed. The buffers keep the vertices of the others, unused and at
+        the position of another vertex of the mesh. Returns None unless the scene shows each mesh once.
+        """
+        shown = [mesh for mesh, _ in instances(self._document)]
+        if shown and any(shown.count(mesh) != 1 for mesh in {p.mesh for p in self._primitives if len(p.triangles)}):
+            return None
+        moved = self._at_kept_vertices(triangles)
+        document, added = copy.deepcopy(moved._document), moved._further_accessors()
+        ends = np.cumsum([len(p.triangles) for p in self._primitives])
+        for p, gone in zip(self._primitives, np.split(triangles, ends[:-1]), strict=True):
+            primitive = document["meshes"][p.mesh]["primitives"][p.number]
+            if len(gone) and gone.all():
+                primitive.clear()
+            elif gone.any():
+                primitive["indices"] = added.add(p.triangles[~gone].astype("<u4").reshape(-1, 1), indices=True)
+                primitive.pop("mode", None)
+        for mesh in document["meshes"]:
+            mesh["primitives"] = [primitive for primitive in mesh["primitives"] if primitive]
+        numbers = [number for number, mesh in enumerate(document["meshes"]) if mesh["primitives"]]
+        for node in document.get("nodes", []):
+            if node.get("mesh") in numbers:
+                node["mesh"] = numbers.index(node["mesh"])
+            else:
+                for key in ("mesh", "skin", "weights"):
+                    node.pop(key, None)
+        lists = {"meshes": [document["meshes"][number] for number in numbers]}
+        if len(added.data):
+            lists |= {"accessors": added.accessors, "bufferViews": added.views}
+        return moved._with_document({**document, **lists}, added)
+
+    def _at_kept_vertices(self, triangles: Bools) -> "GltfFile":
+        """Return this file with the vertices of some triangles at the position of another vertex of their mesh."""
+        corners, gone = self.polygons.corners.reshape(-1, 3), np.zeros(len(self.positions), bool)
+        gone[corners[triangles]] = True
+        gone[corners[~triangles]] = False
+        parts = np.zeros(len(gone), np.int64) if self.parts is None else self.parts
+        kept = corners[~triangles].ravel()[::-1]
+        first = np.full(int(parts.max(initial=0)) + 1, -1)  # kept vertex of each mesh
+        first[parts[kept]] = kept
+        rows = np.flatnonzero(gone & (first[parts] >= 0))
+        file = copy.copy(self)
+        file.positions = self.positions.copy()
+        file.positions[rows] = self.positions[first[parts[rows]]]
+        return type(self)(b"".join(file._moved_pieces()), self.folder) if file.has_moved else self
+
+    def _further_accessors(self) -> NewAccessors:
+        """Return accessors to be added to those of this file."""
+        inner = self._has_inner_buffer
+        begin, buffer = (len(self._chunk or b""), 0) if inner else (0, len(self._buffers.declared))
+        return NewAccessors(self._document, buffer=buffer, begin=begin)
+
+    @property
+    def _has_inner_buffer(self) -> bool:
+        """Whether the first buffer is that of the container."""
+        return self._chunk is not None and "uri" not in self._buffers.declared[0]
+
+    def _with_document(self, document: dict[str, Any], added: NewAccessors) -> "GltfFile":
+        """Return this file with another document, which uses accessors that were added."""
+        buffers, chunk, data = copy.deepcopy(self._buffers.declared), self._chunk, bytes(added.data)
+        if self._has_inner_buffer:
+            chunk = bytes(chunk or b"") + data + bytes(-len(data) % 4)
+            buffers[0]["byteLength"] = len(chunk)
+        elif data:
+            buffers.append({"byteLength": len(data), "uri": embedded(data)})
+        text = json_bytes({**document, "buffers": buffers})
         return type(self)(b"".join(self._packed(text, chunk)), self.folder)
 
     @_explained()

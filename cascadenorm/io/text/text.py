@@ -63,7 +63,7 @@ class Text:
         borders = np.zeros(len(whole), np.int8)
         borders[np.append(0, ends + 1)[np.searchsorted(ends, self.starts[self.first[lines]])]] += 1
         borders[stops] -= 1
-        return self.bytes[np.cumsum(borders, dtype=np.int8)[: len(self.bytes)] == 0].tobytes()
+        return bytes(self.bytes[np.cumsum(borders, dtype=np.int8)[: len(self.bytes)] == 0])
 
     def word(self, index: int) -> bytes:
         return self.data[int(self.starts[index]) : int(self.ends[index])]
