@@ -75,14 +75,22 @@ class Content:
 
 
 def single_numbers(arrays: Iterable[tuple[str, Sequence[Any]]], of: str) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """Join the blocks of arrays with one number per row; return the other arrays in words, as data `of` something."""
-    found = list(arrays)
-    numbers = {
-        name: np.concatenate([np.ravel(block) for block in blocks])
-        for name, blocks in found
-        if all(np.size(block) == len(block) for block in blocks)
-    }
-    return numbers, [f"{of} data '{name}'" for name, _ in found if name not in numbers]
+    """Join the blocks of arrays with one number per row; return the other arrays in words, as data `of` something.
+
+    Colours and texture coordinates under the names that VTK and PyVista give them are split into numbers.
+    """
+    numbers, left_out = dict[str, NDArray[Any]](), list[str]()
+    for name, blocks in arrays:
+        shapes = {(block.shape[1:], block.dtype.kind) for block in map(np.asarray, blocks)}
+        if all(np.size(block) == len(block) for block in blocks):
+            numbers[name] = np.concatenate([np.ravel(block) for block in blocks])
+        elif (name.lower(), shapes) in (("rgb", {((3,), "u")}), ("rgba", {((4,), "u")})):
+            numbers |= zip(CHANNELS, np.concatenate(blocks).T, strict=False)
+        elif name.lower() in TEXTURE_ARRAYS and shapes == {((2,), "f")}:
+            numbers |= zip(TEXTURE, np.concatenate(blocks).T, strict=True)
+        else:
+            left_out.append(f"{of} data '{name}'")
+    return numbers, left_out
 
 
 def with_distinct_names(
@@ -123,6 +131,8 @@ class Labels(NamedTuple):
 CHANNELS = ("red", "green", "blue", "alpha")
 TEXTURE = ("s", "t")
 """Names of texture coordinates among the vertex values."""
+TEXTURE_ARRAYS = ("tcoords", "texturecoordinates", "texture coordinates")
+"""Names of arrays of texture coordinates in VTK files, in lower case."""
 
 
 def from_words(text: Text, words: Offsets) -> dict[str, NDArray[Any]]:

@@ -307,6 +307,28 @@ def test_polydata_is_written_with_values(tmp_path):
     assert made.point_data["red"].tolist() == file.content().vertex_values["red"].tolist()
 
 
+@pytest.mark.parametrize("format", ["vtp", "vtu"])
+def test_colours_and_texture_coordinates_of_vtk_are_converted(format, tmp_path):
+    """Arrays of the same names that hold other numbers are left out."""
+    pyvista = pytest.importorskip("pyvista")
+    rng, faces = np.random.default_rng(0), pyvista.PolyData.from_regular_faces(SHEET.vertices, SHEET.faces)
+    made = faces if format == "vtp" else faces.cast_to_unstructured_grid()
+    count, cells = len(SHEET.vertices), len(SHEET.faces)
+    made.point_data["RGBA"] = colors = rng.integers(0, 255, (count, 4), np.uint8)
+    made.point_data["TCoords"] = texture = rng.random((count, 2), np.float32)
+    made.cell_data["RGB"] = of_faces = rng.integers(0, 255, (cells, 3), np.uint8)
+    made.cell_data["TCoords"] = rng.random((cells, 3))
+    made.save(tmp_path / f"a.{format}")
+    assert io.write(cn.read(tmp_path / f"a.{format}"), tmp_path / "a.ply") == ["cell data 'TCoords'"]
+    values = cn.read(tmp_path / "a.ply").content()
+    for found, names, expected in (
+        (values.vertex_values, ("red", "green", "blue", "alpha"), colors),
+        (values.vertex_values, ("s", "t"), texture),
+        (values.face_values, ("red", "green", "blue"), of_faces),
+    ):
+        np.testing.assert_array_equal(np.stack([found[name] for name in names], axis=1), expected)
+
+
 @pytest.mark.parametrize("format", ["ply", "usda"])
 def test_values_that_would_share_a_name_are_all_kept(format, tmp_path):
     if format == "usda":
