@@ -128,11 +128,18 @@ class LegacyPolyDataFile(PolyDataFile):
         writer = vtkPolyDataWriter()
         if self._is_binary():
             writer.SetFileTypeToBinary()
-        return _written_by(writer, surface, self.format)
+        return with_title(_written_by(writer, surface, self.format), self.data)
 
     def _is_binary(self) -> bool:
         head = LEGACY.match(self.data)
         return head is not None and head[1].upper() == b"BINARY"
+
+
+def with_title(made: bytes, source: bytes) -> bytes:
+    """Return a legacy VTK file with the title of another one, which may name the coordinate system, as of 3D Slicer."""
+    title = source[:1000].splitlines()[1]
+    first, _, rest = made.split(b"\n", 2)
+    return b"\n".join((first, title, rest))
 
 
 FLOATS = ("float", "double")

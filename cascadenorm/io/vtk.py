@@ -19,6 +19,7 @@ from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.limits import check_expansion, limited_expansion
+from cascadenorm.io.polydata import with_title
 from cascadenorm.mesh.normals import NORMALS, Normals, RenewNormals
 from cascadenorm.mesh.polygons import Polygons
 
@@ -66,7 +67,7 @@ class MeshioFile(MeshFile):
     made_with: ClassVar[dict[str, Any]] = {}  # options for writing content of other formats
     holds_polygons: ClassVar[bool] = True  # whether faces may have more than four corners
     holds_values: ClassVar[bool] = True  # whether vertices and faces may have values
-    moving_loses: tuple[str, ...] = ("what meshio does not keep (title, layout, types of data)",)
+    moving_loses: tuple[str, ...] = ("what meshio does not keep (layout, types of data)",)
 
     def _parse(self) -> tuple[NDArray[Any], Polygons]:
         from meshio.vtu import _vtu
@@ -174,6 +175,9 @@ class VtkFile(MeshioFile):
     def _options(self) -> dict[str, Any]:
         """Return the version to write and the encoding of the file that was read."""
         return {**self.made_with, "binary": b"BINARY" in b"".join(self.data[:1000].splitlines()[2:3]).upper()}
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        return [with_title(b"".join(super()._moved_pieces()), self.data)]
 
     def _understood(self) -> bytes:
         """Return the file with the names of types, and of data like vectors and scalars, that meshio knows.

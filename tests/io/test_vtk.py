@@ -292,6 +292,22 @@ def test_polydata_is_moved_and_keeps_its_data(format, binary, tmp_path):
         assert kinds == [b"BINARY" if binary else b"ASCII"] * 2
 
 
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+def test_the_title_of_a_legacy_file_stays(binary, end, tmp_path):
+    """3D Slicer writes the coordinate system there, without which it would show the mesh elsewhere."""
+    pyvista = pytest.importorskip("pyvista")
+    title = b"3D Slicer output. SPACE=RAS"
+    for made in (surface(pyvista), pyvista.UnstructuredGrid({5: SHEET.faces}, SHEET.vertices)):
+        made.save(tmp_path / "a.vtk", binary=binary)
+        first, _, rest = (tmp_path / "a.vtk").read_bytes().split(b"\n", 2)
+        data = end.join([first, title, rest])
+        file = read(data, "vtk")
+        moved = b"".join(file.with_vertices(file.mesh.vertices * 2).pieces())
+        assert moved.splitlines()[1] == title and moved.splitlines()[2] == rest.splitlines()[0]
+        assert np.array_equal(read(moved, "vtk").positions, file.positions * 2)
+
+
 def test_polydata_is_written_with_values(tmp_path):
     pyvista = pytest.importorskip("pyvista")
     file = read(PLY_TEXT)
