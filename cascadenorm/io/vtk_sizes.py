@@ -29,7 +29,7 @@ BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
 CELL_LIST = re.compile(
     rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I
 )
-OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+vtk(?:typeint|idtype)", re.M | re.I)
+OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+[a-z]", re.M | re.I)
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
 COUNT_ATTRIBUTES = tuple(
     f"NumberOf{name}".encode() for name in ("Components", "Tuples", "Points", "Verts", "Lines", "Polys")

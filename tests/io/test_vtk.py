@@ -472,6 +472,20 @@ def test_cells_of_legacy_polydata_may_be_of_either_integer_type(kind, tmp_path):
     assert np.allclose(pyvista.read(tmp_path / "b.vtk").points, SHEET.vertices + 1)
 
 
+@pytest.mark.parametrize("kind", [np.int16, np.int32, np.int64])
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("grid", [True, False])
+def test_faces_of_any_integers_that_pyvista_saves_are_read(grid, binary, kind, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    made = pyvista.PolyData.from_regular_faces(SHEET.vertices, SHEET.faces.astype(kind))
+    (made.cast_to_unstructured_grid() if grid else made).save(tmp_path / "a.vtk", binary=binary)
+    file = cn.read(tmp_path / "a.vtk")
+    assert np.array_equal(file.mesh.faces, SHEET.faces)
+    io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "b.vtk")
+    found = pyvista.read(tmp_path / "b.vtk")
+    assert np.allclose(found.points, SHEET.vertices + 1) and found.n_cells == len(SHEET.faces)
+
+
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize("version", ["42", "51"])
 def test_cells_of_legacy_polydata_that_do_not_fit_together_are_refused(binary, version, tmp_path, capfd):
