@@ -75,10 +75,16 @@ class PolyDataFile(MeshFile):
     def _read_content(self) -> Content:
         surface = self._surface
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
-        points = ((array.GetName(), [vtk_array(array)]) for array in _arrays(surface.GetPointData()))
-        cells = ((array.GetName(), [vtk_array(array)[first:]]) for array in _arrays(surface.GetCellData()))
+        of_points, of_cells, of_all = map(
+            _named, (surface.GetPointData(), surface.GetCellData(), surface.GetFieldData())
+        )
+        points = ((name, [vtk_array(array)]) for name, array in of_points if name and array is not None)
+        cells = ((name, [vtk_array(array)[first:]]) for name, array in of_cells if name and array is not None)
         values, left_out = single_numbers(points, "point")
         face_values, others = single_numbers(cells, "cell")
+        others += [f"point data '{name}'" for name, array in of_points if array is None]
+        others += [f"cell data '{name}'" for name, array in of_cells if array is None]
+        others += [f"field data '{name}'" for name, _ in of_all]
         left_out += others + (["points and lines"] if first else [])
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 
@@ -174,10 +180,9 @@ def move_polydata(
                 array.Modified()
 
 
-def _arrays(data: Any) -> list[Any]:
-    """Return the named numeric arrays of points or cells."""
-    found = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
-    return [array for array in found if array is not None and array.GetName()]
+def _named(data: Any) -> list[tuple[str, Any]]:
+    """Return the names of arrays of points, cells or the field, and the arrays; None for those of texts."""
+    return [(data.GetArrayName(i), data.GetArray(i)) for i in range(data.GetNumberOfArrays())]
 
 
 def _written_by(writer: Any, surface: Any, format: str) -> bytes:

@@ -130,6 +130,7 @@ class MeshioFile(MeshFile):
         values, left_out = single_numbers(((name, [value]) for name, value in self._grid.point_data.items()), "point")
         cells = ((name, [blocks[i] for i in faces]) for name, blocks in self._grid.cell_data.items())
         face_values, others = single_numbers(cells, "cell")
+        others += [f"field data '{name}'" for name in self._grid.field_data]
         left_out += self._skipped + others + (["points and lines"] if len(faces) < len(self._grid.cells) else [])
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 

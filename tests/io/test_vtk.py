@@ -292,6 +292,22 @@ def test_polydata_is_moved_and_keeps_its_data(format, binary, tmp_path):
         assert kinds == [b"BINARY" if binary else b"ASCII"] * 2
 
 
+def test_texts_and_field_data_are_named_where_a_format_cannot_hold_them(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    made = pyvista.PolyData.from_regular_faces(SHEET.vertices, SHEET.faces)
+    made.field_data["time"] = [0.5]
+    made.save(tmp_path / "a.vtk")
+    made.cast_to_unstructured_grid().save(tmp_path / "a.vtu")
+    made.field_data["SPACE"] = ["RAS"]
+    made.point_data["who"] = ["a"] * made.n_points
+    made.cell_data["what"] = ["b"] * made.n_cells
+    made.save(tmp_path / "a.vtp")
+    texts = ["point data 'who'", "cell data 'what'"]
+    for format, names in ("vtk", ["time"]), ("vtu", ["time"]), ("vtp", ["time", "SPACE"]):
+        lost = io.write(cn.read(tmp_path / f"a.{format}"), tmp_path / f"{format}.ply")
+        assert lost == [*(texts if format == "vtp" else []), *(f"field data '{name}'" for name in names)]
+
+
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize("end", [b"\n", b"\r\n"])
 def test_the_title_of_a_legacy_file_stays(binary, end, tmp_path):
