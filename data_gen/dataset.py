@@ -29,7 +29,6 @@ LEAST_FACES = 1200  # with fewer faces, the details of some families would be fi
 CLEAN_SHARES: dict[ErrorPart, float] = {
     "low-poly": 0.8,
     "decimated": 0.75,
-    "resampled shape": 0.75,
     "structured": 0.5,
     "subdivided": 0.7,
     "modelled": 0.7,

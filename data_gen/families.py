@@ -9,12 +9,11 @@ import numpy as np
 from cascadenorm.data_gen.meshing.cad_tessellation import cad_part
 from cascadenorm.data_gen.meshing.decimate import thinned
 from cascadenorm.data_gen.meshing.modelled import modelled_mesh
-from cascadenorm.data_gen.meshing.resample import resampled
 from cascadenorm.data_gen.meshing.structured import structured_mesh, subdivided_cage, terrain_mesh
-from cascadenorm.data_gen.meshing.surface import Extent, cut_out, extent_of, polygonised
+from cascadenorm.data_gen.meshing.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.meshing.tessellation import tessellate
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface, tetrahedral_surface
-from cascadenorm.data_gen.scanning.measured import Measured, beneath
+from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.views import fused, scanned_view
 from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
@@ -25,15 +24,13 @@ from cascadenorm.data_gen.shapes.solids import engraved, polyhedron
 from cascadenorm.mesh import Mesh
 
 FINER = 3.0, 14.0  # ratio of the number of faces before decimation to that after it
-SCAN_FINER = 1.0, 5.0  # the same for measured surfaces whose triangles are replaced
 WIDEST_STEPS = 2.2  # largest ratio of the steps of a laser scanner
 USUAL_AREA = 7.0  # area of a shape, which extends to about 1 from the origin
 
 Shape = Callable[[float, np.random.Generator], DistanceField]
 ErrorPart = Literal[
-    "whole", "piece", "low-poly", "decimated", "resampled shape", "view", "laser", "fused", "mask", "slices",
-    "tomogram", "tetrahedra", "isosurface", "points", "resampled scan", "tessellation", "structured", "terrain",
-    "subdivided", "modelled",
+    "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
+    "tetrahedra", "isosurface", "points", "tessellation", "structured", "terrain", "subdivided", "modelled",
 ]  # fmt: skip
 """What a mesh shows.
 
@@ -41,7 +38,6 @@ ErrorPart = Literal[
 - "piece": a piece cut out by a box.
 - "low-poly": the whole shape decimated to few faces.
 - "decimated": the same with detail far finer than the decimated mesh can represent.
-- "resampled shape": the same, decimated or with nearly equilateral triangles.
 - "view", "laser": what a depth camera or a laser scanner sees from one side.
 - "fused": what several cameras see, fused in a volume.
 - "mask", "slices": a meshed binary mask of voxels or of slices.
@@ -49,7 +45,6 @@ ErrorPart = Literal[
 - "tetrahedra": a noisy distance field meshed by marching tetrahedra.
 - "isosurface": a level of an exact field.
 - "points": the surface reconstructed from noisy points.
-- "resampled scan": a surface measured in one of these ways, with other triangles.
 - "tessellation": faces of a CAD model, each triangulated.
 - "structured": a surface over a grid of parameters.
 - "terrain": heights over a grid.
@@ -61,8 +56,6 @@ ErrorPart = Literal[
 MEASUREMENTS: dict[ErrorPart, Callable[..., Measured]] = {
     "fused": fused, "tomogram": tomogram, "tetrahedra": tetrahedral_surface, "points": reconstruction,
 }  # fmt: skip
-RESAMPLED: tuple[ErrorPart, ...] = "points", "points", "tomogram", "fused", "mask"
-"""Measurements whose triangles are replaced, drawn with equal chance."""
 MESHES: dict[ErrorPart, Callable[..., Mesh]] = {
     "tessellation": cad_part, "structured": structured_mesh, "terrain": terrain_mesh, "modelled": modelled_mesh,
 }  # fmt: skip
@@ -82,7 +75,7 @@ class ShapeFamily:
     @property
     def measured(self) -> bool:
         """Whether the measurement itself produces the error, so that no noise is added."""
-        return self.part in ("mask", "slices", "tomogram", "tetrahedra", "points", "resampled scan")
+        return self.part in ("mask", "slices", "tomogram", "tetrahedra", "points")
 
     @property
     def seen(self) -> bool:
@@ -100,19 +93,13 @@ class ShapeFamily:
             mesh = MESHES[self.part](faces=faces, rng=rng)
             return Measured.on_surface(mesh, mesh)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
-        part, finer = self.part, 1.0
-        if part in ("decimated", "resampled shape"):
-            finer = log_uniform(FINER, rng=rng)
-        elif part == "resampled scan":
-            part, finer = RESAMPLED[rng.integers(len(RESAMPLED))], log_uniform(SCAN_FINER, rng=rng)
+        finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
         field = self.shape(float(np.sqrt(2.3 * area / (faces * finer))), rng)
         extent = extent_of(field, rng=rng)
-        if self.measured or part == "fused":
-            made = _measured(part, field, extent, faces=round(faces * finer), level=level, rng=rng)
-            if self.part != "resampled scan":
-                return made
-            other = resampled(made.noisy, faces=faces, rng=rng)
-            return beneath(field, other, cell=made.noisy.mean_edge_length)
+        if self.part in MEASUREMENTS:
+            return MEASUREMENTS[self.part](field, extent, faces=faces, level=level, rng=rng)
+        if self.part in ("mask", "slices"):
+            return segmentation(field, extent, faces=faces, slices=self.part == "slices", rng=rng)
         if self.part in ("view", "laser"):
             ratio = log_uniform((1.0, WIDEST_STEPS), rng=rng) if self.part == "laser" else 1.0
             mesh = scanned_view(field, extent, faces=faces, rng=rng, ratio=ratio)
@@ -122,9 +109,6 @@ class ShapeFamily:
             finer = finer if self.part == "decimated" else rng.uniform(2.5, 6)
             fine = polygonised(field, extent, faces=round(faces * finer), sharp=self.sharp, rng=rng)
             mesh = thinned(fine, faces=faces, evenness=float(10 ** rng.uniform(-7, -2)))
-        elif self.part == "resampled shape":
-            fine = polygonised(field, extent, faces=round(faces * finer), sharp=self.sharp, rng=rng)
-            mesh = resampled(fine, faces=faces, rng=rng)
         elif self.part == "subdivided":
             fine = polygonised(field, extent, faces=faces, sharp=self.sharp, rng=rng)
             mesh = subdivided_cage(fine, faces=faces, rng=rng)
@@ -133,15 +117,6 @@ class ShapeFamily:
                 extent = cut_out(extent, share=rng.uniform(0.08, 0.4), rng=rng)
             mesh = tessellate(field, extent, faces=faces, sharp=self.sharp, rng=rng)
         return Measured.on_surface(mesh, mesh)
-
-
-def _measured(
-    part: ErrorPart, field: DistanceField, extent: Extent, *, faces: int, level: float, rng: np.random.Generator
-) -> Measured:
-    """Measure a shape in a volume or by points, and make a mesh of about `faces` faces."""
-    if part in MEASUREMENTS:
-        return MEASUREMENTS[part](field, extent, faces=faces, level=level, rng=rng)
-    return segmentation(field, extent, faces=faces, slices=part == "slices", rng=rng)
 
 
 def any_of(*shapes: Shape) -> Shape:
@@ -177,7 +152,6 @@ SHAPE_FAMILIES: dict[str, ShapeFamily] = {
     "laser": ShapeFamily(any_of(GROWN, GROWN, SCENES), 0.9, sharp=True, part="laser"),
     "low_poly": ShapeFamily(OBJECTS, 0.9, sharp=True, part="low-poly"),
     "decimated": ShapeFamily(any_of(GROWN, GROWN, OBJECTS), 0.9, sharp=True, part="decimated"),
-    "resampled_shape": ShapeFamily(any_of(GROWN, GROWN, OBJECTS), 0.9, sharp=True, part="resampled shape"),
     "subdivided": ShapeFamily(any_of(GROWN, OBJECTS), 0.9, sharp=True, part="subdivided"),
     "structured": ShapeFamily(None, 0.9, sharp=False, part="structured"),
     "terrain": ShapeFamily(None, 0.9, sharp=False, part="terrain"),
@@ -188,6 +162,5 @@ SHAPE_FAMILIES: dict[str, ShapeFamily] = {
     "tetrahedra": ShapeFamily(OBJECTS, 0.9, sharp=True, part="tetrahedra"),
     "isosurface": ShapeFamily(OBJECTS, 0.9, sharp=True, part="isosurface"),
     "points": ShapeFamily(OBJECTS, 0.9, sharp=True, part="points"),
-    "resampled_scan": ShapeFamily(OBJECTS, 0.9, sharp=True, part="resampled scan"),
     "cad_tessellation": ShapeFamily(None, 0.9, sharp=True, part="tessellation"),
 }
