@@ -90,8 +90,9 @@ def recover_vertices(
 def side_weights(mesh: Mesh, weighting: Weighting) -> Floats:
     """Return the weight of the side opposite each corner, (m, 3): 1/3, or half the cotangent of the angle there.
 
-    Cotangents of faces lower than LEAST_HEIGHT are computed with that height, which bounds them. Unlike those of
-    `face_cotangents`, whose mollification depends on the whole mesh, they depend on their face only.
+    Cotangents of faces lower than LEAST_HEIGHT are computed with that height, which bounds them, and with sides of at
+    least that length, so that the two weights at a corner do not cancel. Unlike those of `face_cotangents`, whose
+    mollification depends on the whole mesh, they depend on their face only.
     """
     if weighting == "uniform":
         return np.full(mesh.faces.shape, 1 / 3)
@@ -106,11 +107,15 @@ def _half_cotangents(start: int, stop: int, vertices: Vectors, faces: Ints32, ou
         a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
         u, v, w = subtract(b, a), subtract(c, b), subtract(a, c)
         double_area = np.sqrt(dot(cross(u, v), cross(u, v)))
-        double_area = max(double_area, LEAST_HEIGHT * max(dot(u, u), dot(v, v), dot(w, w)))
+        uu, vv, ww = dot(u, u), dot(v, v), dot(w, w)
+        longest = max(uu, vv, ww)
+        double_area = max(double_area, LEAST_HEIGHT * longest)
+        least = LEAST_HEIGHT * LEAST_HEIGHT * longest
+        uu, vv, ww = max(uu, least), max(vv, least), max(ww, least)
         if double_area > 0:
-            out[f, 0] = -0.5 * dot(w, u) / double_area
-            out[f, 1] = -0.5 * dot(u, v) / double_area
-            out[f, 2] = -0.5 * dot(v, w) / double_area
+            out[f, 0] = 0.25 * (ww + uu - vv) / double_area
+            out[f, 1] = 0.25 * (uu + vv - ww) / double_area
+            out[f, 2] = 0.25 * (vv + ww - uu) / double_area
 
 
 @kernel

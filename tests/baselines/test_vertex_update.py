@@ -55,6 +55,18 @@ def test_weights_of_degenerate_faces_are_bounded():
         np.testing.assert_array_equal(recover_vertices(point, np.eye(3)[:1], weighting=weighting), 0)
 
 
+def test_faces_without_area_do_not_send_vertices_away():
+    """Two sheets touch at a corner, where a face without area hangs between them, with a vertex of its own."""
+    sheet = grid(4, 4)
+    beside = sheet.vertices * (-1, -1, 1) - (1e-14, 0, 0)
+    faces = np.concatenate([sheet.faces, sheet.faces + 25, [[0, 25, 50]]])
+    flat = Mesh(np.concatenate([sheet.vertices, beside, [[-0.9, 0, 0]]]), faces)
+    normals = np.random.default_rng(2).normal((0, 0, 1), 0.1, flat.faces.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    moved = recover_vertices(flat, normals, weighting="cotangent")
+    assert np.linalg.norm(moved - flat.vertices, axis=1).max() < 1
+
+
 @pytest.mark.parametrize("sweeps", [1, 3])
 def test_with_foldovers_ignored_the_update_is_the_published_sum(sweeps):
     """x_i += (1/N_i) Σ n_f <n_f, c_f - x_i>, vertex by vertex in the order of the groups (Sun et al. 2007)."""
