@@ -145,8 +145,14 @@ def cut_along(mesh: Mesh, creases: NDArray[np.bool_]) -> CreaseSides:
     vertices = faces.ravel()[corners]
     fans = mesh.topology.fans(~creases)
 
+    # Order the fans by the other corners of their faces, since the order of the faces must not affect the result
+    others = np.sort(np.stack([faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]], axis=2).reshape(-1, 2)[corners], axis=1)
+    lowest = np.full(fans.max() + 1, count**2)
+    np.minimum.at(lowest, fans[corners], others[:, 0].astype(np.int64) * count + others[:, 1])
+    rank = np.unique(lowest, return_inverse=True)[1]
+
     # One copy for each pair of vertex and fan; the first copy of a vertex keeps its index
-    copies, copy = np.unique(vertices.astype(np.int64) * faces.size + fans[corners], return_inverse=True)
+    copies, copy = np.unique(vertices.astype(np.int64) * faces.size + rank[fans[corners]], return_inverse=True)
     owners = copies // faces.size
     further = np.concatenate([[False], owners[1:] == owners[:-1]])[: len(owners)]
     indices = np.where(further, count - 1 + np.cumsum(further), owners)

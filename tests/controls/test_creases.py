@@ -145,6 +145,16 @@ def test_sharp_edges_that_are_given_survive(method):
     assert off_the_edges(creased) < min(off_the_edges(plain), 0.8 * off_the_edges(rough))
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_the_order_of_the_faces_does_not_matter(method):
+    rough = noisy(icosphere(3), 0.15, seed=1)
+    order = np.random.default_rng(2).permutation(len(rough.faces))
+    edges = rough.topology.edges[::4]
+    out = cn.denoise(rough.vertices, rough.faces, method=method, creases=edges)
+    other = cn.denoise(rough.vertices, np.roll(rough.faces[order], 1, axis=1), method=method, creases=edges)
+    np.testing.assert_allclose(other, out, rtol=0, atol=1e-5 * rough.mean_edge_length)
+
+
 def test_no_creases_change_nothing():
     ball = noisy(icosphere(2), 0.1)
     for none in (180, np.zeros((0, 2), int)):
