@@ -130,16 +130,16 @@ def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[An
     Parameters
     ----------
     count
-        Number of rows, at least 1.
+        Number of rows.
     run
-        Returns stop - start rows.
+        Returns stop - start rows; run(0, 0) is called if there are none.
 
     Returns
     -------
     (count, …) rows of all blocks.
     """
     first, out = Lock(), list[NDArray[Any]]()
-    blocks = -(-count // BLOCK)
+    blocks = max(-(-count // BLOCK), 1)
 
     def alone(i: int) -> None:
         start, stop = i * count // blocks, (i + 1) * count // blocks

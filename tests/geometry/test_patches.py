@@ -111,6 +111,12 @@ def test_auto_leaves_components_without_noise_in_patches_as_well():
     assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
 
 
+def test_auto_works_on_patches_that_own_no_face():
+    mesh = noisy(cube(3), 0.1)
+    whole, patches = in_patches(mesh, 30)  # some patches have a single vertex inside, the first corner of no face
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
+
+
 def test_filtered_normals_are_kept_or_made_again(monkeypatch):
     made = []
     stage_stack = stage_normals.stage_stack
