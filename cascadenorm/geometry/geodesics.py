@@ -18,6 +18,7 @@ from cascadenorm.mesh import (
     in_frame,
     kernel,
     parallel_for,
+    row_distances,
     scatter_add,
     without_lines,
 )
@@ -58,9 +59,9 @@ def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
 def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     """Return the (n,) approximate distance to the nearest of (s,) distinct sources; inf on components without one.
 
-    Heat flows from the sources for a time of one squared mean edge length. Its gradient points along the shortest
-    paths. The function whose gradient best fits the unit vectors in this direction is the distance up to a constant on
-    each connected component, which is chosen so that the mean distance at the sources is 0.
+    Heat flows from the sources for a time of one squared mean edge length of the component. Its gradient points along
+    the shortest paths. The function whose gradient best fits the unit vectors in this direction is the distance up to a
+    constant on each connected component, which is chosen so that the mean distance at the sources is 0.
     """
     components = mesh.topology.components
     distances = np.where(np.isin(np.arange(len(mesh.vertices)), sources), 0.0, np.inf)
@@ -73,7 +74,7 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
 
     # heat flow, and the divergence of its normalised gradient
     heat = np.zeros(len(near))
-    heat[near] = _heat(stiffness, laplacian.mass[near], positions, (distances == 0)[near], mesh.mean_edge_length**2)
+    heat[near] = _heat(stiffness, laplacian.mass[near], positions, (distances == 0)[near], _times(mesh)[near])
     flux = np.zeros(mesh.faces.shape)
     parallel_for(len(flux), _unit_flux, mesh.faces, cotangents, areas, heat, flux)
     divergence = scatter_add(mesh.faces.ravel(), flux.ravel(), len(near))[near]
@@ -93,14 +94,24 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     return distances
 
 
-def _heat(stiffness: "scipy.sparse.csr_array", mass: Floats, positions: Vectors, sources: Bools, time: float) -> Floats:
+def _times(mesh: Mesh) -> Floats:
+    """Return the squared mean edge length of each vertex's component, (n,); that of the mesh if it has no extent."""
+    components, edges = mesh.topology.components, mesh.topology.edges
+    sums = np.bincount(components[edges[:, 0]], row_distances(mesh.vertices, edges), len(mesh.vertices))
+    means = sums / np.maximum(np.bincount(components[edges[:, 0]], minlength=len(mesh.vertices)), 1)
+    return np.asarray(np.square(np.where(means > 0, means, mesh.mean_edge_length))[components])
+
+
+def _heat(
+    stiffness: "scipy.sparse.csr_array", mass: Floats, positions: Vectors, sources: Bools, time: Floats
+) -> Floats:
     """Return the heat after one implicit step, with the time increased until heat has reached every vertex."""
     for _ in range(MOST_INCREASES):
-        step = scipy.sparse.diags_array(mass) + time * stiffness
+        step = scipy.sparse.csr_array(scipy.sparse.diags_array(mass) + scipy.sparse.diags_array(time) @ stiffness)
         heat = Factorisation(step, positions).solve(sources.astype(np.float64))
         if heat.min() > LEAST_HEAT * heat.max():
             return heat
-        time *= 4
+        time = 4 * time
     raise MeshError("distances cannot be computed: no face of the mesh has an extent")
 
 

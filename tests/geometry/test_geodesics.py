@@ -66,6 +66,14 @@ def test_heat_distances_are_as_near_to_the_true_ones_as_those_of_another_library
     assert (found[sources] == 0).all() and (found >= 0).all()
 
 
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_finer_and_coarser_components_do_not_matter(size):
+    ball, other = icosphere(3), icosphere(4 if size < 1 else 1)
+    vertices = np.concatenate([ball.vertices, size * (other.vertices + 3)])
+    both = Mesh(vertices, np.concatenate([ball.faces, other.faces + len(ball.vertices)]))
+    np.testing.assert_allclose(heat(both, 0)[: len(ball.vertices)], heat(ball, 0), rtol=1e-9, atol=1e-9)
+
+
 def test_pose_scale_order_and_orientation_do_not_matter():
     mesh = noisy(icosphere(3), 0.1)
     expected = heat(mesh, [5, 70])
