@@ -128,6 +128,13 @@ def test_faces_without_area_have_no_angle():
         measure(Mesh(plane.vertices, flat_face), plane)
 
 
+def test_faces_that_repeat_a_vertex_change_nothing():
+    rough, clean = noisy(icosphere(2), 0.1), icosphere(2)
+    lines = [[0, 0, 1], [5, 5, 5], [3, 90, 3]]
+    found = measure(*(Mesh(one.vertices, np.concatenate([one.faces, lines])) for one in (rough, clean)))
+    assert found == measure(rough, clean)  # also closed, with the same mean edge length
+
+
 def test_a_reference_without_extent_is_refused():
     with pytest.raises(MeshError, match="at one place"):
         measure(grid(1, 1), Mesh(np.zeros((3, 3)), [[0, 1, 2]]))
