@@ -12,6 +12,7 @@ from cascadenorm.mesh.vectors import add, divided, dot, row, scaled, squared_dis
 from cascadenorm.registry import Parameter, method
 
 NEIGHBOR_CUTOFF = 2.0  # spreads beyond which a neighbour is left out
+COLLAPSED = 1e-12  # ratio of the areas after and before pre-smoothing up to which a face keeps its normal
 
 Steps = Annotated[int, Parameter("Number of steps", minimum=0)]
 Closeness = Annotated[
@@ -81,7 +82,10 @@ def non_iterative_bilateral(mesh: Mesh, *, sigma_f: Spatial = 1.5, sigma_g: Infl
     near = within(mesh.vertices, radii, mesh.centroids, topology.face_rings(1), topology.vertex_faces)
     mollified = np.empty_like(mesh.vertices)
     parallel_for(count, _centroid_means, mesh.vertices, mesh.centroids, mesh.areas, 0.5 * spread, near, mollified)
-    normals = mesh.moved(mollified).face_normals
+    smooth = mesh.moved(mollified)
+    # the vertices of a component of one or two faces move onto a line, where rounding determines the normals
+    collapsed = smooth.areas <= COLLAPSED * mesh.areas
+    normals = np.where(collapsed[:, None], mesh.face_normals, smooth.face_normals)
     out = np.empty_like(mesh.vertices)
     parallel_for(
         count, _projection_means, mesh.vertices, mesh.centroids, mesh.areas, normals, spread, sigma_g * edge, near, out

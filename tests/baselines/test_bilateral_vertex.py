@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere, noisy
 
+import cascadenorm as cn
 from cascadenorm.baselines.bilateral_vertex import bilateral, non_iterative_bilateral, vertex_normals
 from cascadenorm.mesh import Mesh
 
@@ -73,3 +74,9 @@ def test_lonely_coinciding_and_unused_vertices_stay():
     dirty = Mesh(vertices, np.concatenate([ROUGH.faces, [[0, 1, 162], [3, 3, 4]]]))
     for out in (bilateral(dirty), non_iterative_bilateral(dirty)):
         assert np.isfinite(out).all() and (out[-1] == 7).all()
+
+
+def test_two_faces_alone_move_alike_at_every_scale():
+    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0.3], [1, 1.2, 0.1]], [[0, 1, 2], [2, 1, 3]])
+    moved, scaled = (cn.denoise(mesh.moved(s * mesh.vertices), method="non-iterative-bilateral") for s in (1, 3.7))
+    np.testing.assert_allclose(scaled.vertices / 3.7, moved.vertices, rtol=0, atol=1e-9)
