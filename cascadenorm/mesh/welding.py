@@ -7,7 +7,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.compute.equal_rows import first_equal
-from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, any_in_rows, connected_components, kernel
+from cascadenorm.mesh import Mesh, any_in_rows, connected_components
 
 NEIGHBORS = 8
 NEAR = 1e-3  # distance, in median edge lengths, within which boundary vertices nearly coincide
@@ -87,24 +87,11 @@ def _weld_equal(
     same, copied = found
     uses = np.bincount(triangles.ravel(), minlength=len(same))
     joins = _on_boundary_edges(triangles, copied & (uses > 1)) | (copied & (uses == 1))
-    number, first = np.empty(len(same), np.int32), np.empty(len(same), np.int64)
-    return number, first[: _number(same, joins, number, first)].copy()
-
-
-@kernel
-def _number(same: Ints, joins: Bools, number: Ints32, first: Ints) -> int:
-    """Number the positions, giving welded ones at the same place a common number; return the count of numbers."""
-    count = 0
-    first_there = np.full(len(same), -1, np.int32)  # number of the welded vertices at each place
-    for i in range(len(same)):
-        if joins[i] and first_there[same[i]] >= 0:
-            number[i] = first_there[same[i]]
-            continue
-        if joins[i]:
-            first_there[same[i]] = count
-        number[i], first[count] = count, i
-        count += 1
-    return count
+    joined, leads, first_there = np.flatnonzero(joins), np.arange(len(same)), np.empty(len(same), np.int64)
+    first_there[same[joined[::-1]]] = joined[::-1]  # of several at a place, the last one assigned remains
+    leads[joined] = first_there[same[joined]]
+    leading = leads == np.arange(len(same))
+    return (np.cumsum(leading) - 1)[leads].astype(np.int32), np.flatnonzero(leading)
 
 
 def _on_boundary_edges(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
