@@ -155,7 +155,8 @@ def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
         gaps = np.diff(found[-BAND // 6 :])
         end = len(found) - len(gaps) + int(gaps.argmax())
         ceiling = 0.5 * (found[end - 1] + found[end])
-        expected = _count_below(laplacian, ceiling) - have
+        pivots = _shifted(laplacian, ceiling).factors.U.diagonal()
+        expected = int((pivots < 0).sum()) - have  # as many eigenvalues are below (Sylvester's law of inertia)
         inside = (found > floor) & (found < ceiling)
         if inside.sum() < expected:
             found, parts = _completed(laplacian, shift, found, parts, expected - int(inside.sum()))
@@ -212,9 +213,3 @@ def _completed(
     values, vectors = np.concatenate([values, more]), np.concatenate([vectors, parts], axis=1)
     order = np.argsort(values)
     return values[order], vectors[:, order]
-
-
-def _count_below(laplacian: Laplacian, value: float) -> int:
-    """Count the eigenvalues below a value: the negative pivots of S - value M (Sylvester's law of inertia)."""
-    factorisation = _shifted(laplacian, value)
-    return int((factorisation.factors.U.diagonal() < 0).sum())
