@@ -35,12 +35,7 @@ FACES_AT_A_TIME = 1 << 15  # number of faces whose neighbours are stored at a ti
 
 
 def filtered_normals(
-    mesh: Mesh,
-    guides: Floats | Floats32,
-    *,
-    sigma_s: tuple[float, ...],
-    sigma_r: tuple[float, ...],
-    cutoff: float,
+    mesh: Mesh, guides: Floats | Floats32, *, sigma_s: tuple[float, ...], sigma_r: tuple[float, ...], cutoff: float
 ) -> NDArray[np.float32]:
     """Filter the face normals once by a joint bilateral filter for each σ_s and each σ_r.
 

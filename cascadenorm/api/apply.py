@@ -253,11 +253,7 @@ def _step(
 
 
 def _surface_step(
-    settings: StepSettings,
-    mesh: Mesh,
-    numbers: Ints,
-    creases: NDArray[np.bool_] | None,
-    note: Note | None,
+    settings: StepSettings, mesh: Mesh, numbers: Ints, creases: NDArray[np.bool_] | None, note: Note | None
 ) -> Step:
     """Return the step for a mesh without shared walls.
 

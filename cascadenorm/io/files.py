@@ -14,14 +14,7 @@ from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
 from cascadenorm.io.arrays_file import ArraysFile
-from cascadenorm.io.atomic import (
-    check_output,
-    is_special,
-    make_folder,
-    unfinished_name,
-    write_stream,
-    write_together,
-)
+from cascadenorm.io.atomic import check_output, is_special, make_folder, unfinished_name, write_stream, write_together
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.gltf.gltf import GlbFile, GltfFile
 from cascadenorm.io.libraries import is_installed

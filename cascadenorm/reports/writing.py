@@ -204,10 +204,7 @@ def _findings(one: Given, found: Inspection, named: bool, listed_places: Sequenc
 
 
 def drawn(
-    shown: Sequence[Given],
-    meshes: Mapping[str, Mesh],
-    size: int,
-    heat: Mapping[str, HeatMap] = MappingProxyType({}),
+    shown: Sequence[Given], meshes: Mapping[str, Mesh], size: int, heat: Mapping[str, HeatMap] = MappingProxyType({})
 ) -> list[Panel]:
     """Draw meshes, those of `scaled_meshes`, from the best view of the last; some with values as colours, by key."""
     view = Camera.looking_at(meshes[shown[-1].key])

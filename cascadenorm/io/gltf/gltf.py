@@ -410,10 +410,7 @@ class GltfFile(MeshFile):
     @_explained()
     def _read_content(self) -> Content:
         return document_content(
-            self._document,
-            self._accessors.for_reading(),
-            self._primitives,
-            lambda p: self.positions[self._rows(p)],
+            self._document, self._accessors.for_reading(), self._primitives, lambda p: self.positions[self._rows(p)]
         )
 
     @classmethod
