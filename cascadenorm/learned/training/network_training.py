@@ -139,7 +139,8 @@ def train_network(
             tested = [chords_of(network, part) for part in parts]
             sums = [sum(part.sum().item() for part in tested), sum(angle_sum(part) for part in tested)]
         counts = [len(training), len(validation), len(validation)]
-        training_loss, validation_loss, angle = _means([learned.item(), *sums], counts)
+        total, of = distributed.all_reduce(np.array([[learned.item(), *sums], counts], np.float64))
+        training_loss, validation_loss, angle = (total / of).tolist()
         log(epoch, training_loss, validation_loss, angle)
         if validation_loss < best_loss:
             best = {name: tensor.clone() for name, tensor in network.state_dict().items()}
@@ -156,12 +157,6 @@ def _split(rows: NDArray[np.intp], generator: torch.Generator) -> tuple[Tensor, 
     order = torch.from_numpy(rows)[torch.randperm(len(rows), generator=generator)]
     cut = max(1, int(0.85 * len(order)))
     return order[:cut], order[cut:] if cut < len(order) else order
-
-
-def _means(sums: list[float], counts: list[int]) -> list[float]:
-    """Divide sums by counts, both summed over all processes."""
-    total, of = distributed.all_reduce(np.array([sums, counts], np.float64))
-    return list((total / of).tolist())
 
 
 def _arrays(state: Mapping[str, Tensor]) -> dict[str, Array]:
