@@ -128,7 +128,6 @@ def _differences(
 
 @kernel
 def _adjacent(neighbors: Csr, i: Index, j: Index) -> bool:
-    """Return whether j is a neighbour of i."""
     found = False
     for k in range(neighbors.indptr[i], neighbors.indptr[i + 1]):
         found |= neighbors.indices[k] == j

@@ -262,7 +262,6 @@ def is_mesh_name(path: Path) -> bool:
 
 
 def _format_of(extension: str) -> str:
-    """Return the format of an extension."""
     name = extension.lower().lstrip(".")
     return FreeSurferFile.format if name in FREESURFER_EXTENSIONS else name
 

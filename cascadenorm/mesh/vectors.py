@@ -38,13 +38,11 @@ def divided(u: Three, divisor: float) -> Vector:
 
 @kernel
 def dot(u: Three, v: Three) -> float:
-    """Return the scalar product."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 @kernel
 def cross(u: Three, v: Three) -> Vector:
-    """Return the vector product."""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
@@ -56,7 +54,6 @@ def area_vector(a: Three, b: Three, c: Three) -> Vector:
 
 @kernel
 def length(u: Three) -> float:
-    """Return the Euclidean norm."""
     size: float = np.sqrt(dot(u, u))
     return size
 

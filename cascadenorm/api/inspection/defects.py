@@ -102,7 +102,6 @@ def enclosed(mesh: Mesh, pinched: Mask) -> Enclosed:
 
 @kernel
 def _angle_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out: Floats) -> None:
-    """Compute the angle at each corner of faces."""
     for f in range(start, stop):
         for k in range(3):
             corner = row(vertices, faces[f, k])

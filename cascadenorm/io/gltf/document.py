@@ -167,7 +167,6 @@ def instances(document: dict[str, Any]) -> list[tuple[int, Matrix]]:
 
 
 def _matrix(node: dict[str, Any]) -> Matrix:
-    """Return the transform of a node."""
     if "matrix" in node:
         return np.array(node["matrix"], float).reshape(4, 4).T
     turn = scipy.spatial.transform.Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
