@@ -5,16 +5,15 @@ from cascadenorm.data_gen.dataset import (
     DatasetConfig,
     Pair,
     clean_mesh,
-    family_of,
     own_pair,
     pair,
     pairs,
     write_dataset,
 )
-from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
-from cascadenorm.data_gen.noise.noise import NoiseKind, displacements
+from cascadenorm.data_gen.families import SHAPE_FAMILIES
+from cascadenorm.data_gen.noise.noise import displacements
 
 __all__ = [
-    "OWN_FAMILY", "SHAPE_FAMILIES", "DatasetConfig", "NoiseKind", "Pair", "ShapeFamily", "clean_mesh", "displacements",
-    "family_of", "own_pair", "pair", "pairs", "write_dataset",
+    "OWN_FAMILY", "SHAPE_FAMILIES", "DatasetConfig", "Pair", "clean_mesh", "displacements", "own_pair", "pair", "pairs",
+    "write_dataset",
 ]  # fmt: skip
