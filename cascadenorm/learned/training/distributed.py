@@ -61,11 +61,6 @@ def _local_world_size() -> int:
     return 1 if is_single_process() else int(os.environ["LOCAL_WORLD_SIZE"])
 
 
-def shard() -> slice:
-    """Return the slice of a list that belongs to this process."""
-    return slice(rank(), None, world_size())
-
-
 def broadcast(make: Callable[[], Made]) -> Made:
     """Call a function on rank 0 and send the result to all processes."""
     if world_size() == 1:

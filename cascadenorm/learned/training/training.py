@@ -285,7 +285,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
     """Return this process's shard of the generated and the given pairs. Missing generated pairs are made and stored."""
     folder.mkdir(parents=True, exist_ok=True)
     count = config.data.count
-    mine = range(count + len(own))[distributed.shard()]
+    mine = range(count + len(own))[distributed.rank() :: distributed.world_size()]
     generated, others = [i for i in mine if i < count], [i for i in mine if i >= count]
     files = {i: folder / f"{i:05d}.safetensors" for i in generated}
     missing = [i for i in generated if not files[i].exists()]
