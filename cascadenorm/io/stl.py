@@ -13,8 +13,9 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.text.number_format import replace_words
 from cascadenorm.io.text.text import Text, blocks
 from cascadenorm.io.text.tokenizer import Offsets
-from cascadenorm.mesh import Bools, any_in_rows
-from cascadenorm.mesh.polygons import Polygons, largest_coordinate, triangulate, unit_normals
+from cascadenorm.mesh import Bools, Floats32, any_in_rows, kernel, parallel_for
+from cascadenorm.mesh.polygons import Polygons, largest_coordinate, triangulate, unit_normal, unit_normals
+from cascadenorm.mesh.vectors import row
 
 RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER = 84  # 80 arbitrary bytes, then the number of triangles
@@ -49,10 +50,10 @@ class StlFile(MeshFile):
         return positions, Polygons.from_rows(np.arange(len(positions)).reshape(-1, 3))
 
     def _moved_pieces(self) -> Iterable[Piece]:
-        moved = any_in_rows(self._changed.reshape(-1, 9)) & ~self.left_out
         if self._text is None:
             end = HEADER + self._records.nbytes
-            return chain([self.data[:HEADER]], self._moved_records(moved), [memoryview(self.data)[end:]])
+            return chain([self.data[:HEADER]], self._moved_records(), [memoryview(self.data)[end:]])
+        moved = any_in_rows(self._changed.reshape(-1, 9)) & ~self.left_out
         replaced = [(self._words[self._changed], self.positions[self._changed])]
         text, facet_lines = self._text, self._facets
         if (text.stop[facet_lines] - text.first[facet_lines] >= 5).all():  # facet normal x y z
@@ -60,13 +61,14 @@ class StlFile(MeshFile):
             replaced.append((text.columns(facet_lines[moved], 3, start=2).ravel(), normals.ravel()))
         return replace_words(text, *replaced)
 
-    def _moved_records(self, moved: Bools) -> Iterator[Piece]:
-        """Yield the records with the current positions, and new normals of the moved triangles, block by block."""
-        corners, largest = self.positions.reshape(-1, 3, 3), largest_coordinate(self.positions)
-        for block in blocks(len(moved), 12):
-            records, changed = self._records[block].copy(), moved[block]
-            records["corners"] = corners[block]
-            records["normal"][changed] = unit_normals(self.positions, self.triangles[block][changed], largest)
+    def _moved_records(self) -> Iterator[Piece]:
+        """Yield the records with the current positions, and new normals where these moved, block by block."""
+        before, after = (positions.reshape(-1, 3, 3) for positions in (self._read_positions, self.positions))
+        largest = largest_coordinate(after)
+        for block in blocks(len(after), 12):
+            records = np.empty_like(self._records[block])
+            arrays = self._records[block], before[block], after[block], self.left_out[block]
+            parallel_for(len(records), _move_range, *arrays, largest, records)
             yield records.view(np.uint8).data
 
     def _read_content(self) -> Content:
@@ -101,6 +103,25 @@ class StlFile(MeshFile):
             return facets.view(np.uint8).data
 
         return chain([header], map(records, blocks(len(triangles), 12))), lost
+
+
+@kernel
+def _move_range(
+    start: int, stop: int, read: Any, before: Floats32, after: Floats32, left_out: Bools, largest: float, out: Any
+) -> None:
+    """Copy records with other corners, (m, 3, 3), and new normals where a corner has moved and the face is valid."""
+    for f in range(start, stop):
+        out[f] = read[f]
+        moved = False
+        for corner in range(3):
+            for axis in range(3):
+                moved |= after[f, corner, axis] != before[f, corner, axis] and not np.isnan(before[f, corner, axis])
+                out[f]["corners"][corner, axis] = after[f, corner, axis]
+        if moved and not left_out[f]:
+            a, b, c = row(after[f], 0), row(after[f], 1), row(after[f], 2)
+            normal = unit_normal(a, b, c, largest)
+            for axis in range(3):
+                out[f]["normal"][axis] = normal[axis]
 
 
 def is_binary_stl(data: bytes) -> bool:
