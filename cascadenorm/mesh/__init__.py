@@ -32,6 +32,7 @@ from cascadenorm.compute.threads import (
     limit_threads,
     one_blas_thread,
     parallel_for,
+    sums_in_blocks,
     thread_count,
 )
 from cascadenorm.errors import MeshError
@@ -56,6 +57,6 @@ __all__ = [
     "bad_faces", "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
     "first_places", "frame_of", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
     "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats", "repeats_vertex",
-    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "thread_count", "unit",
-    "with_part_moved", "without_lines", "without_repeated_faces",
+    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count",
+    "unit", "with_part_moved", "without_lines", "without_repeated_faces",
 ]  # fmt: skip
