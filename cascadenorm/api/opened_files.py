@@ -105,14 +105,16 @@ class DenoisingSummary:
         return ", ".join(text for count, text in counts if count)
 
     @property
-    def unmoved(self) -> str:
-        """What to do if `auto` found no error and moved no vertex, in words; otherwise empty."""
-        if self.error is None or self.error.kind != "none" or self.moved:
+    def remedies(self) -> str:
+        """What removes more if `auto` found no significant error, in words; otherwise empty."""
+        if self.error is None or self.error.kind != "none":
             return ""
-        return (
-            "auto found no error and moved no vertex; a strength above 1, the removal of detail or another method "
-            "removes what it takes for shape"
-        )
+        remedies = ["auto found no significant error" if self.moved else "auto found no error and moved no vertex"]
+        treated = self.treated_as
+        if treated is not None and treated.treatment == "vertex-noise" and not treated.given:
+            remedies.append("if the mesh was remeshed after a scan or a segmentation, set treat_as=measured-surface")
+        remedies.append("a strength above 1, the removal of detail or another method removes what it takes for shape")
+        return "; ".join(remedies)
 
 
 class Denoised(NamedTuple):

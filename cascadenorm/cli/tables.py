@@ -61,8 +61,8 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
         notify(f"dropped nothing: the mesh has {counted(done.components, 'connected component')}{others}")
     if done.left_unchanged:
         notify(f"left unchanged: {done.left_unchanged}")
-    if done.unmoved:
-        notify(done.unmoved)
+    if done.remedies:
+        notify(done.remedies)
     if done.nearly_coincident:
         near = counted(done.nearly_coincident, "boundary vertex lies", "boundary vertices lie")
         notify(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")

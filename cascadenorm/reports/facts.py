@@ -145,7 +145,7 @@ def warnings(done: DenoisingSummary | None, inspected: Sequence[tuple[Given, Ins
     if done is not None:
         said += [f"left out of the output: {loss}" for loss in done.left_out]
         said += [f"left unchanged: {done.left_unchanged}"] if done.left_unchanged else []
-        said += [done.unmoved] if done.unmoved else []
+        said += [done.remedies] if done.remedies else []
     for given, found in inspected:
         if found.crossing_faces is None:
             said.append(f"{given.label}: self-intersections were not checked, because the mesh is large")

@@ -41,6 +41,15 @@ def test_a_mesh_without_error_comes_back_unchanged_and_what_removes_more_is_name
     assert "moved no vertex" not in capsys.readouterr().err
 
 
+def test_the_setting_for_remeshed_scans_is_named_if_auto_finds_no_error(place, capsys):
+    save_mesh(Path("smooth.ply"), icosphere(3))
+    assert run(["denoise", "smooth.ply", "-o", "out.ply"]) == 0
+    said = "if the mesh was remeshed after a scan or a segmentation, set treat_as=measured-surface"
+    assert said in capsys.readouterr().err
+    assert run(["denoise", "smooth.ply", "-o", "set.ply", "--set", "treat_as=vertex-noise"]) == 0
+    assert said not in capsys.readouterr().err
+
+
 def test_options_reach_the_method_and_its_controls(place):
     options = ["--set", "iterations=2", "--set", "step=0.3", "--strength", "1.5", "--keep-volume", "--threads", "1"]
     assert run(["denoise", "ball.ply", "-o", "out.ply", *FAST, *options, "--max-displacement", "0.3 edges"]) == 0
