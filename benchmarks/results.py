@@ -29,6 +29,7 @@ PAGES = {
     "elongated": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "levels": ("benchmarks/accuracy.md", "accuracy.generated.table"),
+    "decimated": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "scans": ("benchmarks/accuracy.md", "accuracy.scans.table"),
     "ablation": ("benchmarks/ablation.md", "accuracy.ablation.table"),
     "controls": ("benchmarks/controls.md", "accuracy.controls.table"),

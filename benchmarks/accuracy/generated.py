@@ -3,13 +3,15 @@
     python -m benchmarks.accuracy.generated levels [--shapes 8] [--record]
     python -m benchmarks.accuracy.generated extractors [--shapes 8] [--voxels 60] [--record]
     python -m benchmarks.accuracy.generated elongated [--shapes 12] [--record]
+    python -m benchmarks.accuracy.generated decimated [--shapes 8] [--record]
 
 `levels` meshes each shape with real kinds of error from weak to strong: from grey volumes with more and more grain,
 from points with larger and larger errors, and with error that is correlated over several edges; and simulates laser
 scans of other shapes with larger and larger errors. `extractors` labels
 each shape on a lattice and meshes the mask by VTK in several ways (extra `pyvista`). `elongated` adds noise along the
-normals to parametric surfaces over grids, most with elongated triangles (extra `pyvista`). The tables have the mean
-angle to the true surface by area, in degrees; all are shown in benchmarks/accuracy.md.
+normals to parametric surfaces over grids, most with elongated triangles (extra `pyvista`). `decimated` decimates
+measured surfaces and clean shapes by VTK (extra `pyvista`). The tables have the mean angle to the true surface by area,
+in degrees; all are shown in benchmarks/accuracy.md.
 """
 
 import argparse
@@ -36,7 +38,7 @@ from cascadenorm.mesh import Mesh, angles_between, thread_count
 
 SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")
 METHODS = ("auto", "guided-normal", "bilateral-normal", "taubin")
-SEEDS = {"levels": 992, "extractors": 991, "elongated": 993}
+SEEDS = {"levels": 992, "extractors": 991, "elongated": 993, "decimated": 994}
 FACES = 10_000
 
 TURN = 2 * np.pi
@@ -175,6 +177,16 @@ HEIGHTS = 0.0, 0.1, 0.3
 """Standard deviations of the noise on parametric surfaces, in median heights of the triangles."""
 
 
+MEASUREMENTS: dict[str, Callable[..., Measured]] = {
+    "tomogram, grain of 10%": partial(tomogram, level=0.5),
+    "points off by their distance": partial(reconstruction, level=1.0),
+}
+REMOVED = 0.5, 0.8
+"""Fractions of the faces of measured surfaces that decimation removes."""
+CLEAN_REMOVED = 0.9
+"""The same for clean shapes."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the meshes, denoise and measure them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -186,9 +198,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     methods = running.chosen_methods(options)
     count = options.shapes or (len(SURFACES) if options.kind == "elongated" else len(SHAPES))
-    each = partial(of_elongated if options.kind == "elongated" else of_levels, methods=methods)
-    if options.kind == "extractors":
-        each = partial(of_extractors, methods=methods, voxels=options.voxels)
+    makers = {"levels": of_levels, "elongated": of_elongated, "decimated": of_decimated}
+    makers["extractors"] = partial(of_extractors, voxels=options.voxels)
+    each = partial(makers[options.kind], methods=methods)
     found = []
     with parallel_map(thread_count()) as mapped:
         for angles in mapped(each, range(count)):
@@ -251,6 +263,35 @@ def of_elongated(number: int, *, methods: Sequence[str]) -> dict[str, list[float
         noisy = clean.moved(clean.vertices + heights[:, None] * clean.vertex_normals)
         found[f"noise of {share:g} heights"] = angles_of(noisy, clean.face_normals, methods)
     return found
+
+
+def of_decimated(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
+    """Return the angles of decimated measured surfaces of a shape and of a decimated clean one."""
+    found, family = {}, SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]]
+    for name, measure in MEASUREMENTS.items():
+        rng = np.random.default_rng([SEEDS["decimated"], number])
+        while True:
+            try:
+                field = family.shape(0.05, rng)
+                made = measure(field, extent_of(field, rng=rng), faces=2 * FACES, rng=rng)
+            except UnfitShapeError:
+                continue
+            break
+        for share in REMOVED:
+            mesh = beneath(field, without_share(made.noisy, share), cell=made.noisy.mean_edge_length)
+            found[f"{name}, {share:.0%} of the faces removed"] = angles_of(mesh.noisy, mesh.normals, methods)
+    fine = family.make(faces=4 * FACES, rng=np.random.default_rng([SEEDS["decimated"], number])).clean
+    clean = without_share(fine, CLEAN_REMOVED)
+    found[f"clean, {CLEAN_REMOVED:.0%} of the faces removed"] = angles_of(clean, clean.face_normals, methods)
+    return found
+
+
+def without_share(mesh: Mesh, share: float) -> Mesh:
+    """Remove a fraction of the faces of a mesh by quadrics."""
+    import pyvista
+
+    small = pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces).decimate(share)
+    return Mesh(np.asarray(small.points, np.float64), small.regular_faces)
 
 
 def placed(field: DistanceField, made: Any, origin: NDArray[np.float64], size: float) -> Measured:
