@@ -2,6 +2,7 @@
 
 import copy
 import struct
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -343,8 +344,8 @@ class GltfFile(MeshFile):
         Primitives and meshes without triangles are removed. The buffers keep the vertices of the others, unused and at
         the position of another vertex of the mesh. Returns None unless the scene shows each mesh once.
         """
-        shown = [mesh for mesh, _ in instances(self._document)]
-        if shown and any(shown.count(mesh) != 1 for mesh in {p.mesh for p in self._primitives if len(p.triangles)}):
+        shown = Counter(mesh for mesh, _ in instances(self._document))
+        if shown and any(shown[mesh] != 1 for mesh in {p.mesh for p in self._primitives if len(p.triangles)}):
             return None
         moved = self._at_kept_vertices(triangles)
         document, added = copy.deepcopy(moved._document), moved._further_accessors()
@@ -358,14 +359,15 @@ class GltfFile(MeshFile):
                 primitive.pop("mode", None)
         for mesh in document["meshes"]:
             mesh["primitives"] = [primitive for primitive in mesh["primitives"] if primitive]
-        numbers = [number for number, mesh in enumerate(document["meshes"]) if mesh["primitives"]]
+        kept = [number for number, mesh in enumerate(document["meshes"]) if mesh["primitives"]]
+        numbers = {number: place for place, number in enumerate(kept)}
         for node in document.get("nodes", []):
             if node.get("mesh") in numbers:
-                node["mesh"] = numbers.index(node["mesh"])
+                node["mesh"] = numbers[node["mesh"]]
             else:
                 for key in ("mesh", "skin", "weights"):
                     node.pop(key, None)
-        lists = {"meshes": [document["meshes"][number] for number in numbers]}
+        lists = {"meshes": [document["meshes"][number] for number in kept]}
         if len(added.data):
             lists |= {"accessors": added.accessors, "bufferViews": added.views}
         return moved._with_document({**document, **lists}, added)
