@@ -17,7 +17,7 @@ in degrees; all are shown in benchmarks/accuracy.md.
 import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from benchmarks import results, running
 from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.families import SHAPE_FAMILIES, ShapeFamily
 from cascadenorm.data_gen.meshing.lattice import grid
-from cascadenorm.data_gen.meshing.surface import extent_of
+from cascadenorm.data_gen.meshing.surface import Extent, extent_of
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.noise.sensor import laser_displacements
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
@@ -46,19 +46,18 @@ TURN = 2 * np.pi
 Grid = NDArray[np.float64]
 Points = tuple[Grid, Grid, Grid]
 Mask = NDArray[np.bool_]
+Made = TypeVar("Made")
 Maker = Callable[[ShapeFamily, float, np.random.Generator], Measured]
 
 
 def grainy(family: ShapeFamily, share: float, rng: np.random.Generator) -> Measured:
     """Mesh a grey volume with noise whose standard deviation is a fraction of the contrast."""
-    field = family.shape(0.05, rng)
-    return tomogram(field, extent_of(field, rng=rng), faces=FACES, level=5 * share, rng=rng)
+    return tomogram(*drawn(family, rng), faces=FACES, level=5 * share, rng=rng)
 
 
 def reconstructed(family: ShapeFamily, gaps: float, rng: np.random.Generator) -> Measured:
     """Reconstruct from points with errors along the normals, given in mean distances between points."""
-    field = family.shape(0.05, rng)
-    return reconstruction(field, extent_of(field, rng=rng), faces=FACES, level=gaps, rng=rng)
+    return reconstruction(*drawn(family, rng), faces=FACES, level=gaps, rng=rng)
 
 
 def bumpy(family: ShapeFamily, edges: float, rng: np.random.Generator) -> Measured:
@@ -217,17 +216,35 @@ def table(figures: results.Figures) -> str:
     return results.markdown(["mean angle, degrees", *figures["columns"]], rows)
 
 
+def until_valid(make: Callable[[], Made]) -> Made:
+    """Make a shape again until it is valid."""
+    while True:
+        try:
+            return make()
+        except UnfitShapeError:
+            continue
+
+
+def drawn(family: ShapeFamily, rng: np.random.Generator) -> tuple[DistanceField, Extent]:
+    """Draw a shape."""
+    field = family.shape(0.05, rng)
+    return field, extent_of(field, rng=rng)
+
+
+def scan(
+    family: ShapeFamily, measure: Callable[..., Measured], rng: np.random.Generator
+) -> tuple[DistanceField, Measured]:
+    """Draw a shape and measure it."""
+    field, extent = drawn(family, rng)
+    return field, measure(field, extent, faces=2 * FACES, rng=rng)
+
+
 def of_levels(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
     """Return the angles of a shape at each level of error."""
     found = {}
     for name, (make, level) in ERRORS.items():
         rng = np.random.default_rng([SEEDS["levels"], number])
-        while True:
-            try:
-                made = make(SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]], level, rng)
-            except UnfitShapeError:
-                continue
-            break
+        made = until_valid(partial(make, SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]], level, rng))
         found[name] = angles_of(made.noisy, made.normals, methods)
     return found
 
@@ -235,13 +252,7 @@ def of_levels(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
 def of_extractors(number: int, *, methods: Sequence[str], voxels: int) -> dict[str, list[float]]:
     """Label a shape and mesh it by each extractor; return the angles."""
     rng = np.random.default_rng([SEEDS["extractors"], number])
-    while True:
-        try:
-            field = SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]].shape(0.05, rng)
-            extent = extent_of(field, rng=rng)
-        except UnfitShapeError:
-            continue
-        break
+    field, extent = until_valid(partial(drawn, SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]], rng))
     size = float(np.max(extent.upper - extent.lower) / voxels)
     nodes = grid(0.5 * (extent.upper - extent.lower) + 3 * size, np.full(3, size)) + extent.middle
     mask = (field(nodes.reshape(-1, 3)) < 0).reshape(nodes.shape[:3])
@@ -270,13 +281,7 @@ def of_decimated(number: int, *, methods: Sequence[str]) -> dict[str, list[float
     found, family = {}, SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]]
     for name, measure in MEASUREMENTS.items():
         rng = np.random.default_rng([SEEDS["decimated"], number])
-        while True:
-            try:
-                field = family.shape(0.05, rng)
-                made = measure(field, extent_of(field, rng=rng), faces=2 * FACES, rng=rng)
-            except UnfitShapeError:
-                continue
-            break
+        field, made = until_valid(partial(scan, family, measure, rng))
         for share in REMOVED:
             mesh = beneath(field, without_share(made.noisy, share), cell=made.noisy.mean_edge_length)
             found[f"{name}, {share:.0%} of the faces removed"] = angles_of(mesh.noisy, mesh.normals, methods)
