@@ -175,10 +175,13 @@ def _filter_members(
     out: Floats32,
 ) -> None:
     """Compute all filters of the members of a group from the `count` faces of its search."""
-    # exponents of both weights, whether a face counts, the weights, and components of area vectors and guides
-    u, chord, counts, weight, x, y, z, gx, gy, gz = np.empty((10, count), np.float32)
-    cx, cy, cz = np.empty((3, count))
-    near, reached = np.empty((2, count), np.int32)
+    # Exponents of both weights, whether a face counts, the weights, and components of area vectors and guides. Unpacked
+    # rows would not count as contiguous, and their sums would not be vectorised.
+    work, centers = np.empty((10, count), np.float32), np.empty((3, count))
+    u, chord, counts, weight = work[0], work[1], work[2], work[3]
+    x, y, z, gx, gy, gz = work[4], work[5], work[6], work[7], work[8], work[9]
+    cx, cy, cz = centers[0], centers[1], centers[2]
+    near, reached = np.empty(count, np.int32), np.empty(count, np.int32)
     for s in range(len(spatial)):
         # the faces that may be within this σ_s of a member; all σ_r share them
         factor, size = spatial[s], 0
