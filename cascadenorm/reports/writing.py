@@ -17,8 +17,8 @@ from cascadenorm.mesh import Mesh, MeshError, one_blas_thread
 from cascadenorm.registry import find
 from cascadenorm.render import Camera, HeatMap, Panel, inline_row, render
 from cascadenorm.reports import facts
+from cascadenorm.reports.facts import InspectedMeshes, MeasuredMeshes
 from cascadenorm.reports.given import Given, given, scaled_meshes
-from cascadenorm.reports.key_figures import InspectedMeshes, MeasuredMeshes, headline, key_figures
 from cascadenorm.reports.page import code, folded, html_list, page, table
 from cascadenorm.reports.places import DefectPlace, places
 from cascadenorm.reports.scene import viewer_scene
@@ -134,9 +134,9 @@ def report_html(
     meshes = scaled_meshes(shown)  # their normals are used several times
     return page(
         title,
-        headline(inspected, done),
+        facts.headline(inspected, done),
         sections,
-        tiles=key_figures(inspected, measured, done, meshes),
+        tiles=facts.key_figures(inspected, measured, done, meshes),
         picture=inline_row(drawn(shown, meshes, PICTURE), caption),
         caption=caption,
         scene=viewer_scene(shown, found, meshes=meshes),
@@ -154,10 +154,12 @@ def _sections(
     warnings = facts.warnings(done, inspected)
     sections = [("Warnings", html_list(warnings))] if warnings else []
     if measured:
-        errors = table(facts.measure_rows(measured), numbers=True)
-        sections.append(("Errors against the truth", f"<p>{escape(SYMBOLS)}</p>{errors}"))
+        measures = table(facts.columns([(one.label, errors.formatted()) for one, errors in measured]), numbers=True)
+        sections.append(("Errors against the truth", f"<p>{escape(SYMBOLS)}</p>{measures}"))
     sections.append(("Findings", "".join(_findings(*one, len(inspected) > 1, found) for one in inspected)))
-    sections.append(("Shape", table(facts.shape_rows(inspected))))
+    sections.append(
+        ("Shape", table(facts.columns([(one.label, facts.shape(inspection)) for one, inspection in inspected])))
+    )
     if done is not None:
         sections.append(("Method and settings", _settings(done)))
     if done is not None and all(Path(name).is_file() for name in (done.source, done.output)):  # no streams

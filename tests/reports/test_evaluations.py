@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cascadenorm.render.style import ACCENTS
-from cascadenorm.reports.plots import QUANTILES, box_plot
+from cascadenorm.reports.evaluations import QUANTILES, box_plot
 
 VALUES = {"noisy": np.linspace(10, 60, 101), "<b>": np.linspace(1, 5, 101) ** 2}
 
