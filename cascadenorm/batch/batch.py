@@ -20,9 +20,8 @@ from cascadenorm.batch.manifest import MANIFEST_NAME, Line, Manifest
 from cascadenorm.batch.processes import LocalProcesses, Processes
 from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
-from cascadenorm.batch.settings import batch_settings
 from cascadenorm.batch.watching import SCAN, Watched
-from cascadenorm.batch.work import BatchSettings, Outcome, Task, work
+from cascadenorm.batch.work import BatchSettings, Outcome, Task, batch_settings, work
 from cascadenorm.errors import OutputError, ParameterError, WorkerError
 from cascadenorm.execution.cluster import required_folder
 from cascadenorm.execution.memory import USABLE_FRACTION, available_memory, parse_bytes

@@ -1,15 +1,19 @@
-"""Check one file of a batch and denoise it if necessary."""
+"""Check the settings of a batch, check each of its files, and denoise the file if necessary."""
 
 import errno
 import hashlib
+import json
 import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
+
+import numpy as np
 
 from cascadenorm import io
 from cascadenorm.api import api
@@ -18,13 +22,20 @@ from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.manifest import Line
 from cascadenorm.batch.referenced_files import Digests, are_current, check_copies, copies_beside
 from cascadenorm.batch.remote_files import ChangedError, exists, fetched, file_name, upload
-from cascadenorm.errors import CascadenormError, OutputError, ReadError, WorkerError
+from cascadenorm.errors import CascadenormError, OutputError, ParameterError, ReadError, WorkerError
+from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output, make_folder
-from cascadenorm.io.digests import file_digest
+from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.io.files import copied_names, is_url
 from cascadenorm.io.sidecar_files import LAYERS, missing
+from cascadenorm.learned.methods import SHIPPED
+from cascadenorm.registry import find
+from cascadenorm.registry.controls import checked_controls
+from cascadenorm.version import __version__
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
+NO_RESULT = ("threads", "progress")
+"""Controls that do not affect a result; they apply to the whole batch."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +48,36 @@ class BatchSettings:
     controls: Mapping[str, Any]
     force: bool
     key: str  # digest of everything that a result depends on, except the file
+
+
+def batch_settings(
+    method: str, parameters: Mapping[str, Any], controls: Mapping[str, Any], format: str | None, *, force: bool
+) -> tuple[BatchSettings, int | None, Listener | None]:
+    """Check the settings; return them, the number of threads and the listener. Raises ParameterError."""
+    every, values = checked_controls(controls), find(method).with_defaults(parameters)
+    given = {name: value for name, value in every.items() if name not in NO_RESULT}
+    parts = [__version__, source_digest(find(method).function), method, values, given, format]
+    parts = [json.dumps(parts, sort_keys=True, default=_as_text), *map(_content, given.values())]
+    if method in SHIPPED:
+        if not isinstance(model := values["model"], str | PathLike | None):
+            raise ParameterError(
+                f"is a {type(model).__name__}; it must be the path of a weights file, which each process reads",
+                parameter="model",
+            )
+        api.check_weights(method, values)  # fail early: invalid weights would fail for every file
+        parts.append(api.weights_digest(method, values))
+    key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    return BatchSettings(method, dict(parameters), given, force, key), every["threads"], every["progress"]
+
+
+def _as_text(value: Any) -> str:
+    return hashlib.sha256(value.tobytes()).hexdigest() if isinstance(value, np.ndarray) else str(value)
+
+
+def _content(value: Any) -> str:
+    """Return the digest of the file that a control names, such as a mask; empty for other values."""
+    named = isinstance(value, str | PathLike) and os.path.isfile(value)  # also of a list that is too long for a name
+    return file_digest(Path(value)) if named else ""
 
 
 class Task(NamedTuple):

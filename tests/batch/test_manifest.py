@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cascadenorm.batch.manifest import MANIFEST_NAME, Manifest
-from cascadenorm.batch.settings import batch_settings
+from cascadenorm.batch.work import batch_settings
 from cascadenorm.errors import OutputError, ParameterError
 from cascadenorm.registry import find
 

@@ -18,8 +18,7 @@ from cascadenorm.batch import remote_files
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.batch.inputs import Job, find_jobs
 from cascadenorm.batch.remote_files import file_name, fixed_part
-from cascadenorm.batch.settings import batch_settings
-from cascadenorm.batch.work import Task, work
+from cascadenorm.batch.work import Task, batch_settings, work
 from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ParameterError, ReadError
 from cascadenorm.io.files import is_url

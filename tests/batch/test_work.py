@@ -8,8 +8,7 @@ from shapes import noisy
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.processes import LocalProcesses
 from cascadenorm.batch.scheduling import Place
-from cascadenorm.batch.settings import batch_settings
-from cascadenorm.batch.work import Outcome, Task, work
+from cascadenorm.batch.work import Outcome, Task, batch_settings, work
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.memory import PROCESS_BYTES
 from cascadenorm.io.interop import save_mesh

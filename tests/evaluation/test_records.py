@@ -11,7 +11,7 @@ import pytest
 from evaluated import SHAPES, python
 from shapes import icosphere
 
-from cascadenorm.batch.settings import batch_settings
+from cascadenorm.batch.work import batch_settings
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation.harness import evaluate
