@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from cascadenorm.api.api import DEFAULT_METHOD
 from cascadenorm.batch.inputs import Job, Sources, check_sources, find_jobs, source_names
 from cascadenorm.batch.manifest import MANIFEST_NAME, Line, Manifest
-from cascadenorm.batch.processes import LocalProcesses, Processes
+from cascadenorm.batch.processes import LocalProcesses
 from cascadenorm.batch.remote_files import check_writable
 from cascadenorm.batch.scheduling import Place, Schedule
 from cascadenorm.batch.watching import SCAN, Watched
@@ -34,6 +34,8 @@ from cascadenorm.registry.controls import Controls, with_control_parameters
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
+
+    from cascadenorm.batch.cluster_processes import ClusterProcesses
 
 LONGEST_WAIT_S = 3600.0
 """Maximum number of seconds of one wait, because the system cannot wait for months."""
@@ -170,7 +172,7 @@ def _check_numbers(timeout: float | None, **numbers: float | None) -> None:
 
 def _started(
     settings: BatchSettings, here: Place, workers: int | None, scheduler: str | None, names: list[str | PathLike[str]]
-) -> Processes:
+) -> LocalProcesses | ClusterProcesses:
     """Start processes on this machine, or connect to those of a cluster, which can find the files of these names."""
     if scheduler is None:
         return LocalProcesses(partial(work, settings), here)
@@ -228,7 +230,7 @@ class _Run:
     key: str  # of the settings
     folder: str | Path
     manifest: Manifest
-    processes: Processes
+    processes: LocalProcesses | ClusterProcesses
     retries: int
     timeout: float | None
     listener: Listener | None

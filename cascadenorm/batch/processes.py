@@ -1,9 +1,8 @@
-"""The interface of the processes of a batch, and local processes."""
+"""Local processes of a batch. Those of a cluster have the same methods."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Protocol
 
 from cascadenorm.batch.inputs import Job
 from cascadenorm.batch.scheduling import Place
@@ -16,28 +15,8 @@ FileWorker = Worker[tuple[Task, int], Outcome]
 """A worker process that receives tasks with their numbers of threads."""
 
 
-class Processes(Protocol):
-    """Processes that work on files, each on one file at a time."""
-
-    @property
-    def places(self) -> Sequence[Place]:
-        """Places where work can start; a cluster may gain and lose places."""
-
-    def begin(self, place: Place, task: Task, threads: int) -> None:
-        """Start processing a file in an idle process of the place."""
-
-    def ended(self, seconds: float) -> list[tuple[Job, Outcome | WorkerError]]:
-        """Wait for outcomes, at most this many seconds; a process that died early yields a WorkerError."""
-
-    def stop(self, job: Job) -> None:
-        """Stop the process that works on a file."""
-
-    def close(self) -> None:
-        """Stop all processes."""
-
-
 class LocalProcesses:
-    """Worker processes on this machine, which share the cores and the memory of a place."""
+    """Worker processes on this machine, each for one file, which share the cores and the memory of a place."""
 
     def __init__(self, work: Work, place: Place) -> None:
         self._serve = partial(do_jobs, work=work)
@@ -51,6 +30,7 @@ class LocalProcesses:
         self._busy[task.job].send((task, threads))
 
     def ended(self, seconds: float) -> list[tuple[Job, Outcome | WorkerError]]:
+        """Wait for outcomes, at most this many seconds; a process that died early yields a WorkerError."""
         if not self._busy:
             time.sleep(seconds)
             return []
@@ -68,8 +48,10 @@ class LocalProcesses:
         return found
 
     def stop(self, job: Job) -> None:
+        """Stop the process that works on a file."""
         Worker.stop([self._busy.pop(job)])
 
     def close(self) -> None:
+        """Stop all processes."""
         Worker.stop([*self._idle, *self._busy.values()])
         self._idle, self._busy = [], {}
