@@ -61,9 +61,12 @@ def files_at(url: str) -> list[RemoteFile]:
     A URL without wildcards whose last part has an extension names a file, whether it exists or not. Raises ReadError if
     the server does not answer or denies access, and MissingDependencyError without fsspec or a package that it needs.
     """
-    if not WILDCARD.search(url) and "." in file_name(url):
-        return [_file(url)]
     with _reached(url, ReadError, "read") as (system, path):
+        if not WILDCARD.search(url) and "." in file_name(url):
+            try:
+                return [_described(url, system.info(path))]
+            except FileNotFoundError:  # reading it reports the error
+                return [RemoteFile(url, 0, None)]
         entries = system.glob(path, detail=True) if WILDCARD.search(url) else system.find(path, detail=True)
         files = {name: entry for name, entry in entries.items() if entry.get("type") != "directory"}
         found = [_described(system.unstrip_protocol(name), entry) for name, entry in files.items()]
@@ -112,15 +115,6 @@ def check_writable(url: str) -> None:
         raise OutputError(
             f"{url} cannot be written: results go to folders or object stores", hint="use s3://, gs:// or az://"
         )
-
-
-def _file(url: str) -> RemoteFile:
-    """Describe one file; a missing one gets size 0, and reading it reports the error."""
-    with _reached(url, ReadError, "read") as (system, path):
-        try:
-            return _described(url, system.info(path))
-        except FileNotFoundError:
-            return RemoteFile(url, 0, None)
 
 
 def _described(url: str, entry: dict[str, Any]) -> RemoteFile:
