@@ -48,30 +48,25 @@ class TrimeshFile(MeshFile):
         sizes = [len(mesh.vertices) for mesh in self._meshes]
         self._first = np.concatenate([[0], np.cumsum(sizes)])
         self.parts = np.repeat(np.arange(len(sizes)), sizes)
-        whole = joined([_content(mesh) for mesh in self._meshes])
+        whole = joined([_content(mesh, np.asarray(mesh.vertices, np.float64)) for mesh in self._meshes])
         return whole.positions, whole.polygons
-
-    def _moved(self) -> "TrimeshFile":
-        """Return a new file whose scene has the current positions."""
-        file = type(self)(self.data, self.folder)
-        for mesh, first, stop in zip(file._meshes, self._first[:-1], self._first[1:], strict=True):
-            mesh.vertices = self.positions[first:stop]
-        return file
 
     def _moved_pieces(self) -> Iterable[Piece]:
         raise OutputError(f"the format '{self.format}' cannot be written: choose ply, obj or glb")
 
     def content(self) -> Content:
-        return (self._moved() if self.has_moved else self)._read_content().without_out_of_range()
+        return self._read_content().without_out_of_range()
 
     def _read_content(self) -> Content:
         """Return all meshes, once for each time that the scene shows them, and transformed as shown."""
+        numbers = {id(mesh): number for number, mesh in enumerate(self._meshes)}
         nodes = map(self._scene.graph.get, self._scene.graph.nodes_geometry)
         shown = [(matrix, self._scene.geometry[name]) for matrix, name in nodes]
-        shown = [(matrix, mesh) for matrix, mesh in shown if any(mesh is m for m in self._meshes)]
+        shown = [(matrix, mesh) for matrix, mesh in shown if id(mesh) in numbers]
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
         check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
-        whole = joined([placed(_content(mesh), matrix) for matrix, mesh in shown])
+        positions = np.split(self.positions, self._first[1:-1])
+        whole = joined([placed(_content(mesh, positions[numbers[id(mesh)]]), matrix) for matrix, mesh in shown])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}
         if kinds == {"vertex"}:
@@ -85,8 +80,8 @@ class TrimeshFile(MeshFile):
         raise OutputError(f"the format '{cls.format}' cannot be written: choose ply, obj or glb")
 
 
-def _content(mesh: Any) -> Content:
-    return Content(np.asarray(mesh.vertices, np.float64), Polygons.from_rows(np.asarray(mesh.faces, np.int64)))
+def _content(mesh: Any, positions: NDArray[np.float64]) -> Content:
+    return Content(positions, Polygons.from_rows(np.asarray(mesh.faces, np.int64)))
 
 
 def trimesh_kind(format: str) -> type[TrimeshFile] | None:
