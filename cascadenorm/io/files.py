@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cascadenorm.errors import MissingDependencyError, OutputError, ReadError
-from cascadenorm.io.arrays_file import ArraysFile
 from cascadenorm.io.atomic import check_output, is_special, make_folder, unfinished_name, write_stream, write_together
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.gltf.gltf import GlbFile, GltfFile
@@ -21,7 +20,7 @@ from cascadenorm.io.libraries import is_installed
 from cascadenorm.io.neuroimaging import FREESURFER_EXTENSIONS, FREESURFER_MAGIC, FreeSurferFile, GiftiFile
 from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
-from cascadenorm.io.ply.ply import PlyFile
+from cascadenorm.io.ply.ply import ArraysFile, PlyFile
 from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
 from cascadenorm.io.sidecar_files import LAYERS, copy_beside, sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl

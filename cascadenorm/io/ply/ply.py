@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterable
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
@@ -299,6 +300,39 @@ class PlyFile(MeshFile):
         ]
         vertex_rows = joined_columns(list(vertex.values()))
         return chain(["\n".join(lines).encode()], vertex_rows, list_rows(content.polygons, length, face)), []
+
+
+class ArraysFile(MeshFile):
+    """A binary PLY file of positions and polygons, encoded when its bytes are needed."""
+
+    format = PlyFile.format
+    encode = PlyFile.encode
+
+    def __init__(self, positions: Positions, polygons: Polygons) -> None:
+        self._read_positions, self.polygons = positions, polygons
+        self.positions, self.parts, self.folder = positions, None, None
+
+    @cached_property
+    def data(self) -> bytes:  # type: ignore[override]  # read from a file in other formats
+        """The bytes of the file before any vertex moved."""
+        return b"".join(self.encode(Content(self._read_positions, self.polygons))[0])
+
+    def _parse(self) -> tuple[Positions, Polygons]:
+        return self._read_positions, self.polygons
+
+    def pieces(self) -> Iterable[Piece]:
+        """Return the bytes of the file with its current positions, in pieces."""
+        return self.encode(self._read_content())[0]
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        return self.pieces()
+
+    def content(self) -> Content:
+        """Return the content that other formats can store."""
+        return self._read_content()
+
+    def _read_content(self) -> Content:
+        return Content(self.positions, self.polygons)
 
 
 def _too_long(text: Text, line: int, element: PlyElement) -> ReadError:
