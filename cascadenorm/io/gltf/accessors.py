@@ -138,7 +138,7 @@ class Accessors:
     def places(self, number: int) -> ByteOffsets:
         """Return the byte offset of each vector in the buffers. Raises ReadError if one is undefined."""
         accessor, sparse = self._accessor(number), self._sparse(number)
-        size, count = self._type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]], accessor["count"]
+        size, count = _type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]], accessor["count"]
         if "bufferView" in accessor:
             if sparse is None:
                 return self._range(accessor, count, size)
@@ -147,8 +147,8 @@ class Accessors:
             found = np.full(len(self._range(sparse["values"], count, size)), -1)
         else:
             raise ReadError(f"accessor {number} of the glTF document has no data: export the file again")
-        where = self._range(sparse["indices"], sparse["count"], self._type(sparse["indices"]).itemsize)
-        rows = gathered(self._buffers.data, where, self._type(sparse["indices"]))[:, 0].astype(np.int64)
+        where = self._range(sparse["indices"], sparse["count"], _type(sparse["indices"]).itemsize)
+        rows = gathered(self._buffers.data, where, _type(sparse["indices"]))[:, 0].astype(np.int64)
         if (rows >= len(found)).any():
             raise ReadError(
                 f"sparse accessor {number} replaces element {rows.max()} of {len(found)}, counted from 0: "
@@ -162,11 +162,11 @@ class Accessors:
     def spans(self, number: int) -> list[tuple[ByteOffsets, int]]:
         """Return the offsets and sizes of the parts of an accessor that lie in loaded buffers."""
         accessor, sparse = self._accessor(number), self._sparse(number)
-        width = self._type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]]
+        width = _type(accessor).itemsize * COMPONENT_COUNTS[accessor["type"]]
         parts = [(accessor, accessor["count"], width)] if "bufferView" in accessor else []
         if sparse is not None:
             indices, values = sparse["indices"], sparse["values"]
-            parts += [(indices, sparse["count"], self._type(indices).itemsize), (values, sparse["count"], width)]
+            parts += [(indices, sparse["count"], _type(indices).itemsize), (values, sparse["count"], width)]
         return [
             (self._range(part, count, size), size)
             for part, count, size in parts
@@ -175,32 +175,31 @@ class Accessors:
 
     def vectors(self, number: int) -> StoredVectors:
         """Return the stored vectors of an accessor, which must have three components."""
-        accessor = self._accessor(number)
-        kind, largest = self.storage(number)
-        if accessor["type"] != "VEC3" or (kind, largest) not in STORED:
+        storage = self.storage(number)
+        if self._accessor(number)["type"] != "VEC3" or storage not in STORED:
             raise ReadError(
                 f"accessor {number} of the glTF document is not VEC3 of a supported type: export the file again"
             )
         where = self.places(number)
         self.claim(3 * len(where))
-        places = each(where)
-        return StoredVectors(places, np.full(len(places), STORED.index((kind, largest)), np.int8))
+        return StoredVectors(each(where), np.full(len(where), STORED.index(storage), np.int8))
 
     def storage(self, number: int) -> tuple[np.dtype[Any], int]:
         """Return the type of the numbers of an accessor, and its value that represents 1."""
         accessor = self._accessor(number)
-        return self._type(accessor), self._largest(accessor)
+        kind = _type(accessor)
+        return kind, int(np.iinfo(kind).max) if accessor.get("normalized") and kind.kind != "f" else 1
 
     def values(self, number: int) -> NDArray[Any]:
         """Return the numbers of an accessor, one vector per row."""
         accessor = self._accessor(number)
         places = self.places(number)  # loads the buffer
         self.claim(len(places))
-        return gathered(self._buffers.data, places, self._type(accessor), COMPONENT_COUNTS[accessor["type"]])
+        return gathered(self._buffers.data, places, _type(accessor), COMPONENT_COUNTS[accessor["type"]])
 
     def fractions(self, number: int) -> NDArray[np.float32] | None:
         """Return the numbers of an accessor in floating point, or None if they are integers that are not normalized."""
-        values, largest = self.values(number), self._largest(self._accessor(number))
+        values, (_, largest) = self.values(number), self.storage(number)
         if values.dtype.kind == "f":
             return values
         return None if largest == 1 else np.asarray(np.maximum(values / largest, -1), np.float32)
@@ -226,16 +225,6 @@ class Accessors:
         """Return the buffer view of an accessor. Raises ReadError if it does not exist or names no buffer."""
         return entry(self._document, "bufferViews", part["bufferView"], "buffer")
 
-    @classmethod
-    def _largest(cls, accessor: dict[str, Any]) -> int:
-        """Return the value that represents 1."""
-        kind = cls._type(accessor)
-        return int(np.iinfo(kind).max) if accessor.get("normalized") and kind.kind != "f" else 1
-
-    @staticmethod
-    def _type(accessor: dict[str, Any]) -> np.dtype[Any]:
-        return np.dtype(COMPONENT_TYPES[accessor["componentType"]])
-
     def _range(self, part: dict[str, Any], count: int, size: int) -> range:
         """Return the byte offsets of the vectors of a buffer view, each of the given size."""
         view = self._view(part)
@@ -251,6 +240,10 @@ class Accessors:
                 "or not the one that its buffers belong to; get a complete copy"
             )
         return range(begin + start, begin + start + step * count, step) if count else range(0)
+
+
+def _type(part: dict[str, Any]) -> np.dtype[Any]:
+    return np.dtype(COMPONENT_TYPES[part["componentType"]])
 
 
 def _check_known(part: dict[str, Any], place: str, key: str, known: list[Any]) -> None:
