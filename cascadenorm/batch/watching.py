@@ -1,7 +1,7 @@
 """Watch sources for new files and process each once it has stopped changing."""
 
 import time
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container
 
 from cascadenorm.batch.inputs import Job, same_output
 from cascadenorm.errors import ReadError
@@ -19,18 +19,23 @@ class Watched:
 
     A failed scan, for example of a temporarily unavailable network share or server, does not end the watch. `report`
     is called with the error of a failed scan, once until a scan succeeds again, and with each file whose result would
-    replace that of another.
+    replace that of another. A file has settled when its size and modification time stayed the same for those seconds.
     """
 
     def __init__(self, find: Callable[[], list[Job]], seconds: float, report: Callable[[Exception], object]) -> None:
-        self._find, self._settled, self._report = find, Settled(seconds), report
+        self._find, self._seconds, self._report = find, seconds, report
         self._next = self._took = 0.0
         self._in_order = True
+        self._since: dict[Job, float] = {}  # time at which each file was first seen in its present state
+        self._taken: set[Job] = set()
         self._owners: dict[str, Job] = {}  # by output
         self._refused: set[str] = set()
 
     def take(self, busy: Container[str]) -> list[Job]:
-        """Return the newly settled files, except those in progress; nothing if no scan is due."""
+        """Return the newly settled files, except those in progress, each only once until it changes again.
+
+        Return nothing if no scan is due.
+        """
         begin = time.monotonic()
         if begin < self._next:
             return []
@@ -41,7 +46,9 @@ class Watched:
         if wrong is not None and self._in_order:
             self._report(wrong)
         self._in_order = wrong is None
-        settled = self._settled.take([job for job in found if job.source not in busy])
+        self._since = {job: self._since.get(job, end) for job in found if job.source not in busy}
+        settled = [job for job, since in self._since.items() if end - since >= self._seconds and job not in self._taken]
+        self._taken.update(settled)
         return [job for job in settled if self._owns_output(job)]
 
     def _scan(self) -> tuple[list[Job], Exception | None]:
@@ -63,20 +70,3 @@ class Watched:
             self._refused.add(job.source)
             self._report(same_output(owner, job))
         return False
-
-
-class Settled:
-    """Files whose size and modification time have stayed the same for some seconds, as measured by a clock."""
-
-    def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._seconds, self._clock = seconds, clock
-        self._since: dict[Job, float] = {}  # time at which each file was first seen in its present state
-        self._taken: set[Job] = set()
-
-    def take(self, jobs: Sequence[Job]) -> list[Job]:
-        """Return the existing files that have settled, each only once until it changes again."""
-        now = self._clock()
-        self._since = {job: self._since.get(job, now) for job in jobs}
-        settled = [job for job in jobs if now - self._since[job] >= self._seconds and job not in self._taken]
-        self._taken.update(settled)
-        return settled

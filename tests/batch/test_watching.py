@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from batches import BALL, done_so_far, job, lines, results, scans, wait_for, watching
 
-from cascadenorm.batch.watching import SCAN, SCANNING, Settled, Watched
+from cascadenorm.batch.inputs import Job
+from cascadenorm.batch.watching import SCAN, SCANNING, Watched
 from cascadenorm.io.interop import save_mesh
 
 
@@ -46,23 +47,23 @@ def test_a_watch_goes_on_when_its_folder_is_gone_for_a_while_and_where_results_w
     assert not lines(place / "out", "failed") and sorted(results(place / "out")) == ["0.stl", "later.stl"]
 
 
-def test_a_file_settles_when_it_has_stopped_changing():
-    now = [0.0]
-    settled = Settled(2.0, lambda: now[0])
-    assert settled.take([job(1)]) == []
-    now[0] = 1.5
-    assert settled.take([job(2)]) == []
-    now[0] = 3.0
-    assert settled.take([job(2)]) == []
-    now[0] = 3.5
-    assert settled.take([job(2)]) == [job(2)]
-    assert settled.take([job(2)]) == []
-    now[0] = 9.0
-    assert settled.take([job(3)]) == [] and settled.take([]) == []
-    now[0] = 12.0
-    assert settled.take([job(3)]) == []  # it had gone
-    now[0] = 14.0
-    assert settled.take([job(3)]) == [job(3)]
+def test_a_file_settles_when_it_has_stopped_changing(monkeypatch):
+    now, there = [0.0], list[Job]()
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    watched = Watched(lambda: there, 2.0, pytest.fail)
+
+    def taken(at, *jobs):
+        now[0], there[:] = at, jobs
+        return watched.take(())
+
+    assert taken(0.0, job(1)) == []
+    assert taken(1.5, job(2)) == []
+    assert taken(3.0, job(2)) == []
+    assert taken(3.5, job(2)) == [job(2)]
+    assert taken(4.5, job(2)) == []
+    assert taken(9.0, job(3)) == [] and taken(10.0) == []
+    assert taken(12.0, job(3)) == []  # it had gone
+    assert taken(14.0, job(3)) == [job(3)]
 
 
 def test_scans_are_as_far_apart_as_they_take_but_one_that_was_slow_once_delays_none(monkeypatch):
