@@ -6,7 +6,6 @@ from typing import Literal, get_args
 import numpy as np
 
 from cascadenorm.data_gen.noise.sensor import blurred, laser_displacements, neighbor_means, sensor_displacements
-from cascadenorm.data_gen.shapes.fields import Values
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import log_uniform, random_rotation
 from cascadenorm.mesh import Mesh, Vectors
@@ -52,12 +51,8 @@ def displacements(mesh: Mesh, kind: NoiseKind, *, level: float, rng: np.random.G
     return _KINDS[kind](mesh, level * mesh.mean_edge_length, rng)
 
 
-def _along_normals(mesh: Mesh, sizes: Values) -> Vectors:
-    return np.asarray(sizes[:, None] * mesh.vertex_normals)
-
-
 def _normal(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    return _along_normals(mesh, rng.normal(scale=deviation, size=len(mesh.vertices)))
+    return np.asarray(rng.normal(scale=deviation, size=(len(mesh.vertices), 1)) * mesh.vertex_normals)
 
 
 def _gaussian(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
@@ -79,7 +74,8 @@ def _impulsive(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vector
 def _varying(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
     pattern = noise(wavelength=rng.uniform(0.2, 0.8) * mesh.diagonal, rng=rng)
     factor = np.exp(2 * pattern(mesh.vertices))
-    return _along_normals(mesh, factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor)))
+    sizes = factor / np.sqrt(np.mean(factor**2)) * rng.normal(scale=deviation, size=len(factor))
+    return np.asarray(sizes[:, None] * mesh.vertex_normals)
 
 
 def _mixed(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:

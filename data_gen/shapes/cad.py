@@ -19,7 +19,7 @@ from cascadenorm.data_gen.shapes.fields import (
     union,
 )
 from cascadenorm.data_gen.shapes.placement import aligned, around, bent, moved, random_rotation, tapered, twisted
-from cascadenorm.data_gen.shapes.profiles import Profile, extruded, gear, lobed, polygon, rectangle, revolved
+from cascadenorm.data_gen.shapes.profiles import Profile, extruded, gear, lobed, polygon, revolved
 from cascadenorm.mesh import Vectors, unit
 
 
@@ -38,10 +38,8 @@ def assembly(edge: float, rng: np.random.Generator) -> DistanceField:
         turn = np.eye(3)[rng.permutation(3)] if upright else random_rotation(rng=rng)
         part = moved(part, by=rng.uniform(-0.75, 0.75, 3), rotation=turn)
         blend, radius = blend_of(rng, edge=edge)
-        if rng.random() < 0.5:
-            total = union(total, part, blend=blend, radius=radius)
-        else:
-            total = difference(total, part, blend=blend, radius=radius)
+        combined = union if rng.random() < 0.5 else difference
+        total = combined(total, part, blend=blend, radius=radius)
     if rng.random() < 0.25:
         total = intersection(total, sphere(radius=rng.uniform(0.8, 1.0)))
     return total
@@ -57,7 +55,7 @@ def _solid(rng: np.random.Generator, *, size: float) -> DistanceField:
     if kind == 3:
         return sphere(radius=a)
     if kind == 4:
-        return revolved(polygon(np.array([[-1.0, -b], [0.9 * a, -b], [rng.uniform(0, 0.8) * a, b], [-1.0, b]])))
+        return revolved(polygon([[-1.0, -b], [0.9 * a, -b], [rng.uniform(0, 0.8) * a, b], [-1.0, b]]))
     if kind == 5:
         return extruded(polygon(_convex_corners(rng, radius=a)), half_height=b)
     if kind == 6:
@@ -82,10 +80,8 @@ def bracket(edge: float, rng: np.random.Generator) -> DistanceField:
         back = moved(box([width, wall, height]), by=[0, -depth + wall, 0])
         total = union(total, back, blend=blend, radius=radius)
     for _ in range(rng.integers(0, 3)):
-        rib = extruded(
-            polygon(np.array([[-width, -height], [width, -height], [-width, height]])),
-            half_height=max(1.3 * edge, 0.5 * wall),
-        )
+        triangle = polygon([[-width, -height], [width, -height], [-width, height]])
+        rib = extruded(triangle, half_height=max(1.3 * edge, 0.5 * wall))
         rib = moved(rib, rotation=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), by=[0, rng.uniform(-depth, depth), 0])
         total = union(total, rib, blend=blend, radius=0.5 * radius)
     for _ in range(rng.integers(0, 3)):
@@ -93,9 +89,8 @@ def bracket(edge: float, rng: np.random.Generator) -> DistanceField:
         at = [rng.uniform(-0.5, 0.6) * width, rng.uniform(-0.6, 0.6) * depth, -height]
         top = rng.uniform(0.1, 0.5)
         boss = moved(cylinder(radius=1.6 * bore, half_height=top), by=at)
-        total = union(
-            total, intersection(boss, moved(box([2, 2, 1]), by=[0, 0, 1 - height])), blend=blend, radius=radius
-        )
+        boss = intersection(boss, moved(box([2, 2, 1]), by=[0, 0, 1 - height]))
+        total = union(total, boss, blend=blend, radius=radius)
         total = difference(total, moved(cylinder(radius=bore, half_height=2), by=at))
     for axis in ([0, 0, 1], [1, 0, 0]):
         for _ in range(rng.integers(0, 4)):
@@ -125,9 +120,8 @@ def wheel(edge: float, rng: np.random.Generator) -> DistanceField:
         recess = difference(cylinder(radius=0.75 * radius, half_height=1), cylinder(radius=hub, half_height=2))
         for side in (-1, 1):
             depth = rng.uniform(0.3, 0.85) * thick
-            total = difference(
-                total, moved(recess, by=[0, 0, side * (2 * thick - depth + (1 - thick))]), blend=blend, radius=fillet
-            )
+            cut = moved(recess, by=[0, 0, side * (2 * thick - depth + (1 - thick))])
+            total = difference(total, cut, blend=blend, radius=fillet)
     if rng.random() < 0.5:
         tall = cylinder(radius=hub, half_height=thick + rng.uniform(0.05, 0.4))
         total = union(total, tall, blend=blend, radius=fillet)
@@ -155,7 +149,7 @@ def turned(edge: float, rng: np.random.Generator) -> DistanceField:
             corners.append([radii[k - 1], heights[k]])
         corners.append([radii[k], heights[k]])
     corners.append([-0.5, 1.05])
-    total = revolved(polygon(np.array(corners)))
+    total = revolved(polygon(corners))
     if rng.random() < 0.4:
         round_ = rng.uniform(2 * edge, 4 * edge)
         total = offset(revolved(polygon(np.array(corners) - [[round_, 0]])), by=round_)
@@ -188,7 +182,7 @@ def plate(edge: float, rng: np.random.Generator) -> DistanceField:
     elif kind == 2:
         outline = _steps(rng)
     else:
-        outline = rectangle(half=(rng.uniform(0.5, 1), rng.uniform(0.5, 1)))
+        outline = box(rng.uniform(0.5, 1, 2))
     thick = float(np.exp(rng.uniform(np.log(0.07), np.log(0.6))))
     blend, radius = blend_of(rng, edge=edge, largest=min(0.2, 0.9 * thick))
     total = extruded(outline, half_height=thick, blend=blend, radius=radius)
@@ -224,9 +218,7 @@ def fan(edge: float, rng: np.random.Generator) -> DistanceField:
     )
     blade = moved(blade, by=[0.6, 0, 0], rotation=_tilt(rng.uniform(-0.8, 0.8)))
     blend, radius = blend_of(rng, edge=edge)
-    hub = revolved(
-        polygon(np.array([[-1, -0.4], [rng.uniform(0.28, 0.45), -0.4], [rng.uniform(0.25, 0.4), 0.4], [-1, 0.4]]))
-    )
+    hub = revolved(polygon([[-1, -0.4], [rng.uniform(0.28, 0.45), -0.4], [rng.uniform(0.25, 0.4), 0.4], [-1, 0.4]]))
     total = union(hub, around(blade, count=blades), blend=blend, radius=radius)
     if rng.random() < 0.5:
         total = intersection(total, cylinder(radius=rng.uniform(0.8, 1.1), half_height=rng.uniform(0.25, 0.6)))
@@ -253,7 +245,7 @@ def tabletop(edge: float, rng: np.random.Generator) -> DistanceField:
         kind = rng.integers(5)
         top = float(rng.choice([0.0, rng.uniform(0.1, 0.8)])) * size
         if kind <= 1:
-            solid = revolved(polygon(np.array([[-size, -high], [size, -high], [top, high], [-size, high]])))
+            solid = revolved(polygon([[-size, -high], [size, -high], [top, high], [-size, high]]))
         elif kind == 2:
             flanks = unit(np.array([[1.0, 0, 0.4], [-1, 0, 0.4], [0, 1, 0.4], [0, -1, 0.4], [0, 0, -1]]))
             solid = polytope(flanks, np.array([0.4, 0.4, 0.4, 0.4, 0.6]) * size)

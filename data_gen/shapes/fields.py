@@ -42,7 +42,7 @@ def sphere(*, radius: float) -> DistanceField:
 
 
 def box(half: ArrayLike) -> DistanceField:
-    """Return a box around the origin with half edge lengths `half`."""
+    """Return a box, or a rectangle for points in a plane, around the origin with half edge lengths `half`."""
     return computed(_box, np.asarray(half, np.float64))
 
 
@@ -178,7 +178,7 @@ def pushed_out(field: DistanceField, pattern: DistanceField, *, amplitude: float
 def _box(points: Vectors, half: Floats, values: Floats) -> None:
     for n in range(len(points)):
         inner, outer = -np.inf, 0.0
-        for k in range(3):
+        for k in range(len(half)):
             excess = abs(points[n, k]) - half[k]
             inner = max(inner, excess)
             outer += max(excess, 0.0) ** 2

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.data_gen.shapes.fields import Blend, DistanceField, Values, computed, intersection, norm
 from cascadenorm.mesh import Floats, Vectors, kernel
@@ -11,17 +11,7 @@ from cascadenorm.mesh import Floats, Vectors, kernel
 Profile = Callable[[NDArray[np.float64]], Values]  # (n, 2) positions to signed distances
 
 
-def rectangle(*, half: tuple[float, float]) -> Profile:
-    """Return a rectangle around the origin."""
-
-    def distance(points: NDArray[np.float64]) -> Values:
-        excess = np.abs(points) - np.asarray(half)
-        return np.asarray(norm(np.maximum(excess, 0)) + np.minimum(excess.max(axis=1), 0))
-
-    return distance
-
-
-def polygon(corners: NDArray[np.float64]) -> Profile:
+def polygon(corners: ArrayLike) -> Profile:
     """Return a simple polygon of either orientation, with exact distances."""
     return computed(_polygon, np.array(corners, np.float64, order="C"))
 
