@@ -89,9 +89,8 @@ class ClusterProcesses:
         self._work, self._scheduler, self._count, self._folder = work, scheduler, count, folder
         self._stack = ExitStack()
         threads, memory = max(1, here.cores // here.processes), int(here.memory / here.processes / MEMORY)
-        self._client: Client = self._stack.enter_context(
-            dask_client(scheduler, workers=here.processes, threads=threads, memory=memory)
-        )
+        connection = dask_client(scheduler, workers=here.processes, threads=threads, memory=memory)
+        self._client: Client = self._stack.enter_context(connection)
         self._asked: dict[str, Future[Member]] = {}
         self._members: dict[str, Member] = {}
         self._refused: dict[str, str] = {}

@@ -142,11 +142,8 @@ def _options(url: str) -> dict[str, Any]:
         return {}
     import aiohttp
 
-    return {
-        "client_kwargs": {
-            "timeout": aiohttp.ClientTimeout(total=None, sock_connect=RESPONSE_TIMEOUT_S, sock_read=RESPONSE_TIMEOUT_S)
-        }
-    }
+    timeout = aiohttp.ClientTimeout(total=None, sock_connect=RESPONSE_TIMEOUT_S, sock_read=RESPONSE_TIMEOUT_S)
+    return {"client_kwargs": {"timeout": timeout}}
 
 
 @contextmanager

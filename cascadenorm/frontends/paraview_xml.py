@@ -11,9 +11,8 @@ from cascadenorm.frontends.vtk_filter import INPUT_TYPES
 def declaration() -> str:
     """Return the elements of the input and of every property; those of a method are shown when it is selected."""
     given = Element("InputProperty", name="Input", command="SetInputConnection")
-    SubElement(given, "ProxyGroupDomain", name="groups").extend(
-        [Element("Group", name=n) for n in ("sources", "filters")]
-    )
+    groups = SubElement(given, "ProxyGroupDomain", name="groups")
+    groups.extend([Element("Group", name=name) for name in ("sources", "filters")])
     kinds = SubElement(given, "DataTypeDomain", name="input_type", composite_data_supported="1")
     kinds.extend([Element("DataType", value=kind) for kind in INPUT_TYPES])
 

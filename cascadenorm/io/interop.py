@@ -136,11 +136,9 @@ def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     polygons = mesh.GetPolys()
     others = mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3)
     if others and (mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips()):  # without them, it has no faces
-        of_pyvista = hasattr(mesh, "triangulate")
-        hint = (
-            "call its triangulate() first" if of_pyvista else "apply vtkTriangleFilter to it, in ParaView Triangulate"
-        )
-        name = "PolyData" if of_pyvista else "vtkPolyData"
+        name, hint = "vtkPolyData", "apply vtkTriangleFilter to it, in ParaView Triangulate"
+        if hasattr(mesh, "triangulate"):
+            name, hint = "PolyData", "call its triangulate() first"
         raise MeshError(f"the {name} has cells that are not triangles", hint=hint)
     points = polydata.vtk_array(mesh.GetPoints().GetData()) if mesh.GetNumberOfPoints() else np.empty((0, 3))
     return points, polydata.vtk_array(polygons.GetConnectivityArray()).reshape(-1, 3)

@@ -95,9 +95,8 @@ class OffFile(MeshFile):
             "texture coordinates": "ST" in self._flavour,
             "colours that only some faces have, or that a colour map defines": further.any() and not face_colors,
         }
-        return Content(
-            self.positions, self.polygons, colors, face_colors, tuple(what for what, is_so in left_out.items() if is_so)
-        )
+        lost = tuple(what for what, is_so in left_out.items() if is_so)
+        return Content(self.positions, self.polygons, colors, face_colors, lost)
 
     def _colors(self, lines: Offsets, skipped: Offsets, *, after: int = 0) -> dict[str, NDArray[np.uint8]]:
         """Return the channels after the skipped words, if each line has three or more before the last `after` words."""

@@ -75,16 +75,14 @@ class PolyDataFile(MeshFile):
     def _read_content(self) -> Content:
         surface = self._surface
         first = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
-        of_points, of_cells, of_all = map(
-            _named, (surface.GetPointData(), surface.GetCellData(), surface.GetFieldData())
-        )
+        of_points, of_cells = _named(surface.GetPointData()), _named(surface.GetCellData())
         points = ((name, [vtk_array(array)]) for name, array in of_points if name and array is not None)
         cells = ((name, [vtk_array(array)[first:]]) for name, array in of_cells if name and array is not None)
         values, left_out = single_numbers(points, "point")
         face_values, others = single_numbers(cells, "cell")
         others += [f"point data '{name}'" for name, array in of_points if array is None]
         others += [f"cell data '{name}'" for name, array in of_cells if array is None]
-        others += [f"field data '{name}'" for name, _ in of_all]
+        others += [f"field data '{name}'" for name, _ in _named(surface.GetFieldData())]
         left_out += others + (["points and lines"] if first else [])
         return Content(self.positions, self.polygons, values, face_values, tuple(left_out))
 

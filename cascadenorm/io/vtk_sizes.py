@@ -31,9 +31,7 @@ CELL_LIST = re.compile(
 )
 OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+[a-z]", re.M | re.I)
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
-COUNT_ATTRIBUTES = tuple(
-    f"NumberOf{name}".encode() for name in ("Components", "Tuples", "Points", "Verts", "Lines", "Polys")
-)
+COUNTED = ("Tuples", "Points", "Verts", "Lines", "Polys")
 DIGITS = 18
 """Largest number of digits of a count."""
 WORDS = 3
@@ -48,15 +46,15 @@ def check_xml_arrays(data: bytes) -> None:
     word = ">" if head.get(b"byte_order") == b"BigEndian" else "<"
     word += "u8" if head.get(b"header_type") == b"UInt64" else "u4"
     packed = b"compressor" in head
+    numbers: dict[str, list[int]] = {}
     for name, value in NUMBER_OF.findall(markup):
         if not value.strip().isdigit() or len(value) > DIGITS:
             said = f'{name.decode()}="{value[:20].decode("ascii", "replace")}"'
             raise ReadError(f"{said} in this vtp file is no count: get a complete copy")
-    counts = {
-        name: [int(value) for key, value in NUMBER_OF.findall(markup) if key == name] for name in COUNT_ATTRIBUTES
-    }
-    width, rows = counts.pop(b"NumberOfComponents"), [value for values in counts.values() for value in values]
-    check_expansion(8.0 * max(width, default=1) * max(rows, default=0), len(data), "the arrays of this file")
+        numbers.setdefault(name.decode().removeprefix("NumberOf"), []).append(int(value))
+    width = max(numbers.get("Components", ()), default=1)
+    rows = max((number for name in COUNTED for number in numbers.get(name, ())), default=0)
+    check_expansion(8.0 * width * rows, len(data), "the arrays of this file")
     for tag in ARRAY.finditer(markup):
         about = _attributes(tag[0])
         if about.get(b"format") == b"binary":

@@ -197,9 +197,8 @@ class Application:
         name = plain_name(given.get("name"))
         done = await self._session.ask("download", settings=_of(given), name=name)
         about = {key: done[key] for key in ("name", "files", "left_out", "command", "python")}
-        return Response(
-            done["content"], media_type="application/octet-stream", headers={"x-about": quote(json.dumps(about))}
-        )
+        headers = {"x-about": quote(json.dumps(about))}
+        return Response(done["content"], media_type="application/octet-stream", headers=headers)
 
     def _known_drop(self, drop: Any) -> int:
         if not isinstance(drop, int) or not 0 < drop <= self._drops:

@@ -39,17 +39,15 @@ def sample(
     surface ends at its border instead of being closed there.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
-    steps = np.full(3, spacing)
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     if turn is not None and not open_boundary:
         half = np.abs(turn.T) @ half
-    nodes = grid(half, steps, cells=BLOCK_CELLS)
+    nodes = grid(half, np.full(3, spacing), cells=BLOCK_CELLS)
     if jitter > 0:
-        nodes += rng.uniform(-jitter, jitter, nodes.shape) * steps
+        nodes += rng.uniform(-jitter, jitter, nodes.shape) * spacing
     nodes = (nodes if turn is None else nodes @ turn.T) + middle
-    values = _values(
-        field, nodes, reach=0.5 * LARGEST_GRADIENT * BLOCK_CELLS * float(np.linalg.norm(steps)) * (1 + jitter)
-    )
+    reach = 0.5 * LARGEST_GRADIENT * BLOCK_CELLS * np.sqrt(3) * spacing * (1 + jitter)
+    values = _values(field, nodes, reach=reach)
     if not open_boundary:
         boundary = np.ones(values.shape, bool)
         boundary[1:-1, 1:-1, 1:-1] = False

@@ -54,9 +54,8 @@ def _bridged(points: Floats, order: list[int], hole: NDArray[np.int64], left: li
 
 def _turn(p: Floats, q: Floats, r: Floats) -> NDArray[np.float64]:
     """Return twice the signed area of triangles, over the last axis."""
-    return np.asarray(
-        (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
-    )
+    a, b = q - p, r - p
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _in_corner(points: Floats, before: int, at: int, after: int, to: int) -> bool:

@@ -34,9 +34,8 @@ def reconstruction(
     if the points do not define a closed surface.
     """
     cell = float(np.sqrt(CELLS * extent.area / faces))
-    count = int(
-        np.clip(0.5 * faces * np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST))), FEWEST_POINTS, MOST_POINTS)
-    )
+    density = np.exp(rng.uniform(np.log(SPARSEST), np.log(DENSEST)))
+    count = int(np.clip(0.5 * faces * density, FEWEST_POINTS, MOST_POINTS))
     if rng.random() < NOISIER:
         level *= float(rng.uniform(1, 2))
     points, normals = sampled_points(field, extent.rough, count=count, level=level, size=cell, rng=rng)

@@ -144,10 +144,8 @@ def surface_nets(volume: Volume, *, centered: bool = False) -> Mesh:
     for numbers, flipped in zip(np.split(vertex.ravel(), starts), turned, strict=True):
         quads = numbers.reshape(4, -1).T[:, [0, 2, 3, 1]]
         quads[~flipped] = quads[~flipped][:, ::-1]
-        corners = vertices[quads]
-        shorter = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) <= np.linalg.norm(
-            corners[:, 1] - corners[:, 3], axis=1
-        )
+        a, b, c, d = (vertices[quads[:, k]] for k in range(4))
+        shorter = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
         quads = np.where(shorter[:, None], quads, np.roll(quads, -1, axis=1))
         triangles += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
     return Mesh(vertices, np.concatenate(triangles).astype(np.int32))

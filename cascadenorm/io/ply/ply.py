@@ -212,9 +212,8 @@ class PlyFile(MeshFile):
                 rows, values = len(patches.triangles), self._patch_faces(element, patches)
             else:
                 continue
-            count = re.search(
-                rb"[\r\n][ \t]*element[ \t]+" + re.escape(element.name.encode()) + rb"[ \t]+(\d+)", header
-            )
+            name = re.escape(element.name.encode())
+            count = re.search(rb"[\r\n][ \t]*element[ \t]+" + name + rb"[ \t]+(\d+)", header)
             assert count is not None
             inserted.append((*count.span(1), b"%d" % (element.rows + rows)))
             if self._text is None:

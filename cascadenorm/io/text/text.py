@@ -100,9 +100,8 @@ class Text:
         starts, ends, shape = starts.ravel(), ends.ravel(), starts.shape
         parallel_for(len(values), decimals, self.bytes, starts, ends, values, simple)
         odd = np.flatnonzero(~simple)
-        values[odd] = [
-            self._number(*place, lax) for place in zip(starts[odd].tolist(), ends[odd].tolist(), strict=True)
-        ]
+        places = zip(starts[odd].tolist(), ends[odd].tolist(), strict=True)
+        values[odd] = [self._number(*place, lax) for place in places]
         return values.reshape(shape)
 
     def integers(self, words: Offsets) -> NDArray[np.int64]:

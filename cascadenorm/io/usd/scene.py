@@ -145,10 +145,9 @@ class _Composition:
 
         layer, place = self._layers[name], Sdf.Path(path)
         if place == Sdf.Path.absoluteRootPath:
-            sublayers = [found for p in layer.subLayerPaths if (found := target(p, name, self._layers)) is not None]
-            return sum(self.count(name, prim.path) for prim in layer.rootPrims) + sum(
-                self.count(found, "/") for found in sublayers
-            )
+            total = sum(self.count(name, prim.path) for prim in layer.rootPrims)
+            sublayers = (target(path, name, self._layers) for path in layer.subLayerPaths)
+            return total + sum(self.count(found, "/") for found in sublayers if found is not None)
         prim = layer.GetPrimAtPath(place)
         if prim is None:  # the prim may come from composition, so count from its parent
             return self.count(name, place.GetParentPath())

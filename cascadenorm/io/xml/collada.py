@@ -144,9 +144,8 @@ class ColladaFile(MeshFile):
             )
         polygons, places = _polygons(primitive.name, counts, corners)
         chosen = {name: (id, column[places]) for name, (id, column) in others.items()}
-        return Part(
-            geometry.attributes.get("id", ""), primitive.attributes.get("material", ""), positions, polygons, chosen
-        )
+        named = geometry.attributes.get("id", ""), primitive.attributes.get("material", "")
+        return Part(*named, positions, polygons, chosen)
 
     def _moved_pieces(self) -> Iterable[Piece]:
         edits = self._edits(self._first, self._changed, self.positions) + self._normal_edits()
@@ -266,9 +265,8 @@ class ColladaFile(MeshFile):
         inputs = [b'<input semantic="%b" source="#%b"/>' % (s.encode(), s.lower().encode()) for s in arrays]
         counts, corners = content.polygons.counts, content.polygons.corners
         numbers = [lines_of(b"", a[:, None]).replace(b"\n", b" ").strip() for a in (counts, corners)]
-        return [COLLADA_TEMPLATE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)], content.lost_values(
-            names
-        )
+        document = COLLADA_TEMPLATE % (b"\n".join(sources), b"".join(inputs), len(counts), *numbers)
+        return [document], content.lost_values(names)
 
 
 def _edit(array: SourceArray, words: NDArray[Any], values: NDArray[Any]) -> Edit:
