@@ -37,11 +37,9 @@ if TYPE_CHECKING:
 
     from cascadenorm.batch.cluster_processes import ClusterProcesses
 
-LONGEST_WAIT_S = 3600.0
-"""Maximum number of seconds of one wait, because the system cannot wait for months."""
+LONGEST_WAIT_S = 3600.0  # maximum number of seconds of one wait, because the system cannot wait for months
 
-COST = 20_000
-"""Fixed cost of a file in the progress, expressed as an equivalent number of bytes."""
+COST = 20_000  # fixed cost of a file in the progress, expressed as an equivalent number of bytes
 
 
 class Failure(NamedTuple):

@@ -43,8 +43,7 @@ if TYPE_CHECKING:
 MEMORY = 0.8
 """Fraction of a worker's memory that files may need. Dask pauses a worker above it and terminates it at 95 %."""
 
-TOKEN = secrets.token_hex(8)
-"""Identifies this process, as opposed to a later one at the same address."""
+TOKEN = secrets.token_hex(8)  # identifies this process, as opposed to a later one at the same address
 
 
 @dataclass(eq=False)

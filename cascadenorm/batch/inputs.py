@@ -14,8 +14,7 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import is_mesh_name
 from cascadenorm.io.files import is_url
 
-RESULT_NAME = "_denoised"
-"""Suffix that `denoise` adds to the stem of a file name."""
+RESULT_NAME = "_denoised"  # suffix that `denoise` adds to the stem of a file name
 
 Sources = str | PathLike[str] | Sequence[str | PathLike[str]]
 """One or several files, folders or patterns such as "scans/**/*.ply"."""

@@ -11,8 +11,7 @@ from cascadenorm.errors import WorkerError
 from cascadenorm.execution.worker_processes import Worker, do_jobs, first_ready
 
 Work = Callable[[Task], Outcome]
-FileWorker = Worker[tuple[Task, int], Outcome]
-"""A worker process that receives tasks with their numbers of threads."""
+FileWorker = Worker[tuple[Task, int], Outcome]  # a worker process that receives tasks with their numbers of threads
 
 
 class LocalProcesses:

@@ -14,11 +14,9 @@ STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss")
 
 WEB = ("http", "https")
 
-BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")
-"""Packages that the extra `cluster` installs."""
+BROUGHT = ("fsspec", "s3fs", "aiobotocore", "aiohttp", "requests")  # packages that the extra `cluster` installs
 
-RESPONSE_TIMEOUT_S = 60.0
-"""Seconds a web server may stay silent; the total duration of a download is not limited."""
+RESPONSE_TIMEOUT_S = 60.0  # seconds a web server may stay silent; the total duration of a download is not limited
 
 WILDCARD = re.compile(r"[*\[]")
 """Characters that make a URL a pattern; a question mark is not among them because it starts a query."""

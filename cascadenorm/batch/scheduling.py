@@ -14,8 +14,7 @@ FACE_IN_FILE = {".stl": 50, ".obj": 35, ".off": 30}
 """Minimum number of bytes per face in a file, by extension; `LEAST_BYTES_A_FACE` applies to other formats."""
 LEAST_BYTES_A_FACE = 18
 
-ALIKE = 0.9
-"""Places with at least this fraction of the memory of the largest place count as equally large."""
+ALIKE = 0.9  # places with at least this fraction of the memory of the largest place count as equally large
 
 
 def needed(job: Job) -> int:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Container
 from cascadenorm.batch.inputs import Job, same_output
 from cascadenorm.errors import ReadError
 
-SCAN = 0.5
-"""Minimum number of seconds between two scans of the sources."""
+SCAN = 0.5  # minimum number of seconds between two scans of the sources
 
 SCANNING = 20
 """Factor between the duration of a scan and the wait for the next one, so that scans use about 5 % of the time. The

@@ -34,8 +34,7 @@ from cascadenorm.registry.controls import checked_controls
 from cascadenorm.version import __version__
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-NO_RESULT = ("threads", "progress")
-"""Controls that do not affect a result; they apply to the whole batch."""
+NO_RESULT = ("threads", "progress")  # controls that do not affect a result; they apply to the whole batch
 
 
 @dataclass(frozen=True)

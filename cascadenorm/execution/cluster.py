@@ -27,17 +27,13 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-LOCAL_CLUSTER = "local"
-"""Name that selects a cluster on this machine instead of the address of a scheduler."""
+LOCAL_CLUSTER = "local"  # name that selects a cluster on this machine instead of the address of a scheduler
 
-POLL_INTERVAL_S = 1.0
-"""Seconds between two checks of the available workers."""
+POLL_INTERVAL_S = 1.0  # seconds between two checks of the available workers
 
-WORKER_TIMEOUT_S = 300.0
-"""Seconds to wait while a cluster has no usable worker."""
+WORKER_TIMEOUT_S = 300.0  # seconds to wait while a cluster has no usable worker
 
-REPLY_TIMEOUT_S = 30.0
-"""Maximum number of seconds to receive the outcome of finished work, or to restart a worker."""
+REPLY_TIMEOUT_S = 30.0  # maximum number of seconds to receive the outcome of finished work, or to restart a worker
 
 LOCAL_CLUSTER_CONFIG = {"distributed.deploy.lost-worker-timeout": "365 days"}
 """Settings of Dask for a cluster on this machine.

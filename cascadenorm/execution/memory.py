@@ -10,14 +10,10 @@ from pathlib import Path
 
 from cascadenorm.errors import ParameterError
 
-PROCESS_BYTES = 350_000_000
-"""Bytes that a process uses before it reads anything, including kernels."""
-FACE_BYTES = 1800
-"""Bytes per face that the learned methods need, more than all others; measured in benchmarks/speed.md."""
-OTHER_FACE_BYTES = 500
-"""Minimum number of bytes per face that other methods need, including the file."""
-USABLE_FRACTION = 0.8
-"""Fraction of the free memory that is used by default."""
+PROCESS_BYTES = 350_000_000  # bytes that a process uses before it reads anything, including kernels
+FACE_BYTES = 1800  # bytes per face that the learned methods need, more than all others; measured in benchmarks/speed.md
+OTHER_FACE_BYTES = 500  # minimum number of bytes per face that other methods need, including the file
+USABLE_FRACTION = 0.8  # fraction of the free memory that is used by default
 
 _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 _MEMINFO, _GROUP, _GROUPS = Path("/proc/meminfo"), Path("/proc/self/cgroup"), Path("/sys/fs/cgroup")

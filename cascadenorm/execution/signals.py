@@ -5,8 +5,7 @@ import sys
 from _thread import interrupt_main
 from threading import Timer, main_thread
 
-RETRY_S = 0.05
-"""Time until a signal is repeated."""
+RETRY_S = 0.05  # time until a signal is repeated
 
 
 def repeat_if_swallowed(number: int, exception: type[BaseException]) -> None:

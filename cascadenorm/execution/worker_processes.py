@@ -18,8 +18,7 @@ from typing import Any, Generic, NoReturn, TypeVar
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.signals import repeat_if_swallowed
 
-TERMINATION_TIMEOUT_S = 5.0
-"""Seconds that a process has to remove its temporary files."""
+TERMINATION_TIMEOUT_S = 5.0  # seconds that a process has to remove its temporary files
 
 
 @contextmanager

@@ -16,8 +16,7 @@ from typing import BinaryIO
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import Piece
 
-KEPT_LETTERS = 40
-"""Number of characters of a file name that its temporary file starts with."""
+KEPT_LETTERS = 40  # number of characters of a file name that its temporary file starts with
 
 
 def check_output(path: Path, *, force: bool) -> None:

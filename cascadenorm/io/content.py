@@ -13,8 +13,7 @@ from cascadenorm.io.text.tokenizer import Offsets
 from cascadenorm.mesh import Bools, any_in_rows, first_places
 from cascadenorm.mesh.polygons import Polygons
 
-Positions = NDArray[Any]
-"""(k, 3) float32 or float64, as stored in the file."""
+Positions = NDArray[Any]  # (k, 3) float32 or float64, as stored in the file
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,7 @@ class Labels(NamedTuple):
 
 
 CHANNELS = ("red", "green", "blue", "alpha")
-TEXTURE = ("s", "t")
-"""Names of texture coordinates among the vertex values."""
+TEXTURE = ("s", "t")  # names of texture coordinates among the vertex values
 TEXTURE_ARRAYS = ("tcoords", "texturecoordinates", "texture coordinates")
 """Names of arrays of texture coordinates in VTK files, in lower case."""
 

@@ -12,14 +12,11 @@ from typing import Any
 
 from cascadenorm.errors import ParameterError, ReadError
 
-VARIABLE = "CASCADENORM_MAX_EXPANSION"
-"""Environment variable that overrides EXPANSION."""
+VARIABLE = "CASCADENORM_MAX_EXPANSION"  # environment variable that overrides EXPANSION
 EXPANSION = 200.0
 """Largest expansion: bytes in memory per byte of a file. Compressed meshes reach 20."""
-MOST_BYTES_SHOWN = 10**18
-"""Bytes beyond which a number is not written out; a file may announce numbers of any length."""
-ALWAYS = 100_000_000
-"""Bytes that a file of any size may expand to."""
+MOST_BYTES_SHOWN = 10**18  # bytes beyond which a number is not written out; a file may announce numbers of any length
+ALWAYS = 100_000_000  # bytes that a file of any size may expand to
 
 
 def check_expansion(needed: float, size: int, what: str) -> None:

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from cascadenorm.io import ReadError, is_mesh_name
 
-Paths = str | PathLike[str] | Iterable[str | PathLike[str]]
-"""One path or several."""
+Paths = str | PathLike[str] | Iterable[str | PathLike[str]]  # one path or several
 
 
 class FilePair(NamedTuple):

@@ -13,14 +13,11 @@ from cascadenorm.io.limits import check_expansion
 from cascadenorm.mesh.polygons import Polygons, ranges
 
 NamedValues = Mapping[str, NDArray[Any]]
-Matrix = NDArray[np.float64]
-"""(4, 4) transform of column vectors."""
+Matrix = NDArray[np.float64]  # (4, 4) transform of column vectors
 Key = TypeVar("Key", bound=Hashable)
 
-NODE = 200
-"""Approximate memory in bytes of an instance."""
-LARGEST_ENTRY = 1e30
-"""Upper bound on the numbers of a transform."""
+NODE = 200  # approximate memory in bytes of an instance
+LARGEST_ENTRY = 1e30  # upper bound on the numbers of a transform
 
 
 def placed(mesh: Content, matrix: Matrix) -> Content:

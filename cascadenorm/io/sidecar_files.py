@@ -52,8 +52,7 @@ def content_beside(folder: Path | None, name: str) -> bytes | None:
         return None
 
 
-MOST_SHOWN = 80
-"""Number of characters of a name that messages show."""
+MOST_SHOWN = 80  # number of characters of a name that messages show
 
 
 def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Path, Iterable[Piece]], list[str]]:

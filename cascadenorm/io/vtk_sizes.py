@@ -32,8 +32,7 @@ CELL_LIST = re.compile(
 OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+[a-z]", re.M | re.I)
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
 COUNTED = ("Tuples", "Points", "Verts", "Lines", "Polys")
-DIGITS = 18
-"""Largest number of digits of a count."""
+DIGITS = 18  # largest number of digits of a count
 WORDS = 3
 """Words at the start of a compressed array: the number of blocks, and the sizes of a block and of the last one."""
 

@@ -10,10 +10,8 @@ from cascadenorm.mesh import Mesh, box_of, unit
 
 LEAST_COVERAGE = 0.01
 """Ratio of face area to the square of half the picture's diagonal, below which the camera moves closer."""
-MARGIN = 1.06
-"""Ratio of the size of a picture to the size of its content."""
-FIELD_OF_VIEW = 30.0
-"""Vertical field of view in degrees for a camera at a given distance, as in reports."""
+MARGIN = 1.06  # ratio of the size of a picture to the size of its content
+FIELD_OF_VIEW = 30.0  # vertical field of view in degrees for a camera at a given distance, as in reports
 
 Up = Literal["x", "y", "z"]
 AROUND = {  # right, up and front components of the direction to the viewer

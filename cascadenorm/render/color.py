@@ -8,12 +8,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Image = NDArray[np.uint8]
-"""(height, width, 3) sRGB, or (height, width, 4) with an alpha channel."""
+Image = NDArray[np.uint8]  # (height, width, 3) sRGB, or (height, width, 4) with an alpha channel
 
 PAPER = (1.0, 1.0, 1.0)
-COLOR_STEPS = 256
-"""Number of colours in a heat map."""
+COLOR_STEPS = 256  # number of colours in a heat map
 
 
 class HeatMap(NamedTuple):

@@ -8,10 +8,8 @@ from cascadenorm.render.camera import Camera, projected
 from cascadenorm.render.color import COLOR_STEPS, PAPER, HeatMap, Image, color_map, encoded, linear, named_colors
 from cascadenorm.render.raster import Painted, rasterize
 
-NEAREST = 0.99
-"""Fraction of the distance to the viewer up to which faces are drawn; nearer faces are clipped."""
-LINE_WIDTH = 0.7
-"""Width of wireframe lines in pixels."""
+NEAREST = 0.99  # fraction of the distance to the viewer up to which faces are drawn; nearer faces are clipped
+LINE_WIDTH = 0.7  # width of wireframe lines in pixels
 _LIGHTS = (  # direction in the camera frame (right, up, toward the viewer), intensity
     ((0.0, 0.0, 1.0), 0.34),
     ((-0.45, 0.72, 0.53), 0.62),

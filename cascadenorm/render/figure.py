@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-GAP = 12
-"""Space between panels in pixels."""
+GAP = 12  # space between panels in pixels
 ALIGNED = 1e-3
 """Amount in pixels by which a picture is smaller than its place, which prevents resampling due to rounding."""
 

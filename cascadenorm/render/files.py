@@ -19,8 +19,7 @@ from cascadenorm.render.style import DPI
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MILLISECONDS = 60
-"""Duration of each frame of a turntable in milliseconds."""
+MILLISECONDS = 60  # duration of each frame of a turntable in milliseconds
 
 
 def draw(

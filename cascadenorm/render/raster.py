@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.mesh import Floats, Index, Ints32, Vectors, kernel, parallel_for
 
 SMALLEST_BAND = 16
-LINE = 0.02
-"""Linear grey level of wireframe lines."""
+LINE = 0.02  # linear grey level of wireframe lines
 LINE_COVERAGE = 0.75
 
 

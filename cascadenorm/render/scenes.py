@@ -19,8 +19,7 @@ from cascadenorm.render.figure import GAP
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FRAMES = 72
-"""Number of frames of a turntable."""
+FRAMES = 72  # number of frames of a turntable
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DPI = 300
-"""Pixels per inch."""
+DPI = 300  # pixels per inch
 INK = "#333842"
 """Colour of text and lines."""
 ACCENTS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
 """Colours that colour-blind readers can distinguish (Okabe and Ito 2008)."""
-FONT = "DejaVu Sans"
-"""Font shipped with matplotlib, which covers Latin, Greek, Cyrillic and more."""
+FONT = "DejaVu Sans"  # font shipped with matplotlib, which covers Latin, Greek, Cyrillic and more
 FIGURE_SETTINGS = {
     "figure.dpi": DPI,
     "savefig.dpi": "figure",

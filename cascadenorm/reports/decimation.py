@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.mesh import Mesh, first_of_each, repeats, repeats_vertex
 
-MOST_SHOWN_FACES = 1 << 20
-"""Largest number of faces of a displayed mesh, for reports below 12 MB that open in seconds."""
+MOST_SHOWN_FACES = 1 << 20  # largest number of faces of a displayed mesh, for reports below 12 MB that open in seconds
 
 
 class Display(NamedTuple):

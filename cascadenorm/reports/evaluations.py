@@ -29,18 +29,15 @@ from cascadenorm.reports.given import given
 from cascadenorm.reports.page import Tile, image, page, table
 from cascadenorm.reports.scene import viewer_scene
 
-ROW_WIDTH = 1640
-"""Width of a row of pictures in pixels; the more pictures it has, the smaller they are."""
+ROW_WIDTH = 1640  # width of a row of pictures in pixels; the more pictures it has, the smaller they are
 LARGEST_PICTURE, SMALLEST_PICTURE = 420, 160
 OVERVIEW = "Mean angle by method"
-CROP = 0.22
-"""Width of the enlarged part as a fraction of the picture."""
+CROP = 0.22  # width of the enlarged part as a fraction of the picture
 QUANTILES = {"whislo": 0.05, "q1": 0.25, "med": 0.5, "q3": 0.75, "whishi": 0.95}
 """Ends of the whiskers and of the box, and the line in it, as matplotlib calls them."""
 PLOT_WIDTH, ROW, BESIDES = 720, 30, 80
 """Pixels: width of a plot, height of a row, and height of title and axis together."""
-FONT_SIZE = 13
-"""Size of the text in pixels."""
+FONT_SIZE = 13  # size of the text in pixels
 
 
 class _Shown(NamedTuple):

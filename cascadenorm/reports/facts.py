@@ -26,8 +26,7 @@ Rows = list[tuple[str, ...]]
 InspectedMeshes = Sequence[tuple[Given, Inspection]]
 MeasuredMeshes = Sequence[tuple[Given, Measures]]
 
-LIBRARIES = ("numpy", "scipy", "numba")
-"""Packages whose versions may change the last digits of a result."""
+LIBRARIES = ("numpy", "scipy", "numba")  # packages whose versions may change the last digits of a result
 
 
 def key_figures(

@@ -9,8 +9,7 @@ from cascadenorm import io
 from cascadenorm.io.interop import as_file, is_stored, mesh_of_file, source_name
 from cascadenorm.mesh import Mesh, scaled_alike
 
-LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}
-"""Labels of the meshes of a report."""
+LABELS = {"before": "Before", "after": "After", "truth": "Truth", "mesh": "Mesh"}  # labels of the meshes of a report
 
 
 class Given(NamedTuple):

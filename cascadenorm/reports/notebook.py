@@ -23,12 +23,9 @@ from cascadenorm.reports.writing import drawn
 if TYPE_CHECKING:
     from anywidget import AnyWidget
 
-OWN = "values"
-"""Name of the values that a caller gives."""
-VIEW_PICTURE, MESH_PICTURE = 420, 280
-"""Size of each still picture of a view, and of that of a mesh, in pixels."""
-MOST_FACES_IN_CELL = 300_000
-"""Largest number of faces for which a cell that shows a mesh draws a picture."""
+OWN = "values"  # name of the values that a caller gives
+VIEW_PICTURE, MESH_PICTURE = 420, 280  # size of each still picture of a view, and of that of a mesh, in pixels
+MOST_FACES_IN_CELL = 300_000  # largest number of faces for which a cell that shows a mesh draws a picture
 
 
 def view(

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_CODES = 1 << 16
-LARGEST_VALUE = 1e300
-"""Size above which a number counts as unknown, so that differences do not overflow."""
-VALUE_STEPS = 250
-"""Number of steps up to the 99th percentile of the absolute values of a quantity."""
+LARGEST_VALUE = 1e300  # size above which a number counts as unknown, so that differences do not overflow
+VALUE_STEPS = 250  # number of steps up to the 99th percentile of the absolute values of a quantity
 
 
 class SteppedValues(NamedTuple):

@@ -21,10 +21,8 @@ FEWEST_LEVELS = 30
 """Levels per mean edge length below which FINE_LEVELS are used, for example if a part is far from the rest."""
 MOST_TEXT = 11_200_000
 """Largest number of characters of all arrays, which keeps a page with viewer and picture below 12 MB."""
-FEWER_STEPS = 64
-"""Steps over the colours of a quantity if the page would be too large."""
-LITTLE = 0.02
-"""Fraction of its size by which a result may extend beyond the box; the viewer still draws it."""
+FEWER_STEPS = 64  # steps over the colours of a quantity if the page would be too large
+LITTLE = 0.02  # fraction of its size by which a result may extend beyond the box; the viewer still draws it
 
 
 class _Frame(NamedTuple):

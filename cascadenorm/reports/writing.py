@@ -23,8 +23,7 @@ from cascadenorm.reports.page import code, folded, html_list, page, table
 from cascadenorm.reports.places import DefectPlace, places
 from cascadenorm.reports.scene import viewer_scene
 
-PICTURE = 560
-"""Width and height of each picture of a mesh, in pixels."""
+PICTURE = 560  # width and height of each picture of a mesh, in pixels
 
 
 class Contents(NamedTuple):

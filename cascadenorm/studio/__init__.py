@@ -4,8 +4,7 @@ from os import PathLike
 
 from cascadenorm.errors import MissingDependencyError
 
-MOST_MEGABYTES = 1000
-"""Default size limit of files."""
+MOST_MEGABYTES = 1000  # default size limit of files
 
 
 def studio(

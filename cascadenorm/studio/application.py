@@ -18,12 +18,9 @@ from cascadenorm.studio.names import plain_name, setting_name
 from cascadenorm.studio.session import RequestFailed, Session
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
-MOST_REQUEST_BYTES = 1 << 20
-"""Largest size of a JSON request, in bytes."""
-MOST_TICKET = 100
-"""Largest length of the ticket by which a page identifies its request."""
-PULSE = 1.0
-"""Seconds without an event after which a comment is sent, so that a closed page is noticed."""
+MOST_REQUEST_BYTES = 1 << 20  # largest size of a JSON request, in bytes
+MOST_TICKET = 100  # largest length of the ticket by which a page identifies its request
+PULSE = 1.0  # seconds without an event after which a comment is sent, so that a closed page is noticed
 
 ASSETS = {
     "/": ("studio/studio.html", "text/html"),

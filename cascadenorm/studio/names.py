@@ -4,8 +4,7 @@ import sys
 
 from cascadenorm.errors import OutputError
 
-MOST_NAME_BYTES = 200
-"""Longest file name, in bytes of UTF-8."""
+MOST_NAME_BYTES = 200  # longest file name, in bytes of UTF-8
 REFUSED = "/\\" + (':*?"<>|' if sys.platform == "win32" else "")
 """Characters that separate folders or that file names cannot contain."""
 

@@ -32,14 +32,11 @@ SERVER_SETTINGS: dict[str, Any] = {
     "server_header": False,
     "timeout_graceful_shutdown": 1,
 }
-LOADING_S = 60.0
-"""Seconds from the first request until a page has to listen for events."""
-RELOADING_S = 3.0
-"""Seconds after which the studio ends when its last page was closed; a reload takes less."""
+LOADING_S = 60.0  # seconds from the first request until a page has to listen for events
+RELOADING_S = 3.0  # seconds after which the studio ends when its last page was closed; a reload takes less
 AWAITING_S = 3600.0
 """Seconds after which the studio ends when the connection was lost: browsers discard background tabs."""
-CHECKING_S = 0.2
-"""Seconds between checks for open pages."""
+CHECKING_S = 0.2  # seconds between checks for open pages
 
 
 def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: float) -> None:

@@ -11,8 +11,7 @@ from typing import Any
 from cascadenorm.errors import WorkerError
 from cascadenorm.studio.worker import Channel, Reply, Request
 
-CANCEL_TIMEOUT_S = 3.0
-"""Seconds after which the process of cancelled work is killed if it has not ended."""
+CANCEL_TIMEOUT_S = 3.0  # seconds after which the process of cancelled work is killed if it has not ended
 
 Event = dict[str, Any]
 """Sent to the pages, as JSON.

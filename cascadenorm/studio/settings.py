@@ -12,8 +12,7 @@ from cascadenorm.registry import Method, Setting, by_family, find
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls
 from cascadenorm.studio.names import label
 
-MOST_LETTERS = 10_000
-"""Longest text of a setting, in characters."""
+MOST_LETTERS = 10_000  # longest text of a setting, in characters
 
 
 class Chosen(NamedTuple):

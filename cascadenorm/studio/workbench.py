@@ -28,10 +28,8 @@ from cascadenorm.reports.scene import Comparison, viewer_scene
 from cascadenorm.studio.painting import over_painted, with_paint
 from cascadenorm.studio.settings import Chosen, chosen
 
-COARSE = 1 << 15
-"""Number of faces of a coarse mesh, which `auto` denoises in about a second."""
-KEPT = 8
-"""Number of cached results, which undo and redo show at once."""
+COARSE = 1 << 15  # number of faces of a coarse mesh, which `auto` denoises in about a second
+KEPT = 8  # number of cached results, which undo and redo show at once
 
 
 def suggested_name(file: io.MeshFile, name: Path) -> str:

@@ -18,8 +18,7 @@ from cascadenorm.execution.progress import Cancelled
 from cascadenorm.execution.worker_processes import Worker, received
 from cascadenorm.studio.names import setting_name
 
-INTERVAL = 0.1
-"""Seconds between two reports of progress."""
+INTERVAL = 0.1  # seconds between two reports of progress
 
 
 class Request(NamedTuple):

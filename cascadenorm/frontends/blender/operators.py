@@ -26,8 +26,7 @@ from cascadenorm.frontends.blender.surfaces import (
 from cascadenorm.frontends.jobs import BackgroundJob
 from cascadenorm.registry.controls import CONTROLS
 
-PANEL_WIDTH = 42
-"""Characters of a line of text in the panel."""
+PANEL_WIDTH = 42  # characters of a line of text in the panel
 
 
 class DenoisePanel(bpy.types.Panel):
@@ -80,8 +79,7 @@ def draw_settings(layout: Any, settings: Any, object: Any) -> None:
 
 BackgroundWork = Callable[[Listener], Any]
 
-TICK = 0.1
-"""Seconds between two polls of the work."""
+TICK = 0.1  # seconds between two polls of the work
 VIEWING = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
 """Events that change the view, which stay allowed while the work runs."""
 

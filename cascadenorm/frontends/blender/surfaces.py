@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.mesh.normals import Normals, renewed_normals
 
-RESULT = "Denoised"
-"""Name of the shape key that holds a result."""
+RESULT = "Denoised"  # name of the shape key that holds a result
 
 
 class Surface(NamedTuple):

@@ -22,13 +22,11 @@ STORED = [
 """Supported storage of 3-vectors: the component type, and its value that represents 1."""
 COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 ALIGNMENT = 4
-ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-"""Targets of buffer views with attributes and with vertex indices."""
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963  # targets of buffer views with attributes and with vertex indices
 
 Data = bytes | bytearray | memoryview
 
-ByteOffsets = range | NDArray[np.int64]
-"""Byte offsets of vectors; a range if the steps are equal."""
+ByteOffsets = range | NDArray[np.int64]  # byte offsets of vectors; a range if the steps are equal
 
 
 class StoredVectors(NamedTuple):

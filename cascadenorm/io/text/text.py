@@ -16,8 +16,7 @@ WORDS_AT_A_TIME = 1 << 18  # words processed at a time
 SINGLE_DIGITS = 9  # significant digits up to which single precision restores a number
 SPACE = 32  # white space is at most this byte and follows each word except the last
 
-Edit = tuple[int, int, bytes]
-"""Begin and end of a byte range, and its replacement."""
+Edit = tuple[int, int, bytes]  # begin and end of a byte range, and its replacement
 
 
 class Text:

@@ -16,28 +16,23 @@ from cascadenorm.io.libraries import explained, unzipped
 from cascadenorm.io.limits import expansion_limit
 from cascadenorm.io.sidecar_files import is_within
 
-CRATE = b"PXR-USDC"
-"""First bytes of a binary layer."""
+CRATE = b"PXR-USDC"  # first bytes of a binary layer
 TEXT = b"#usda"
 """First bytes of a text layer."""
 LAYER_EXTENSIONS = (".usd", ".usda", ".usdc")
-ENTRY = Struct("<16sQQ")
-"""An entry in the table of contents of a binary layer: name, begin, size."""
+ENTRY = Struct("<16sQQ")  # an entry in the table of contents of a binary layer: name, begin, size
 COUNTED_SECTIONS = (b"TOKENS", b"STRINGS", b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
 """Sections of a binary layer that begin with the number of their entries."""
 MOST_PER_BYTE = 1024
 """Upper limit of entries per byte of a section: LZ4 expands up to 255 times, and an integer takes at least 2 bits."""
-LEAST_MEMORY = 1 << 30
-"""Bytes that reading a binary layer may take in any case."""
+LEAST_MEMORY = 1 << 30  # bytes that reading a binary layer may take in any case
 PARSED_AT = re.compile(r"^.*?[/\\]\d+\.usd:(\d+):(\d+): ")
 """Beginning of a message about a text layer: the name of the temporary file, the line and the column."""
 PARSER = re.compile(r"\bpxrInternal\w*::(Sdf_TextFileFormatParser::)?")
 """Namespaces of the rules that messages about text layers name."""
-SINGLE = "layer.usd"
-"""Name of the layer of a file that is not an archive."""
+SINGLE = "layer.usd"  # name of the layer of a file that is not an archive
 
-_LIMITING = Lock()
-"""Held while the memory of the process is limited."""
+_LIMITING = Lock()  # held while the memory of the process is limited
 Layers = dict[str, Any]
 """Layers by their names in an archive. The first is the root."""
 

@@ -11,8 +11,7 @@ from cascadenorm.io.content import CHANNELS, TEXTURE, Content, as_bytes
 from cascadenorm.io.shown import NamedValues, reversed_polygons, values_of_vertices
 from cascadenorm.mesh.polygons import Polygons
 
-USD_NORMALS = ("primvars:normals", "normals")
-"""Names of attributes with the normals of a mesh."""
+USD_NORMALS = ("primvars:normals", "normals")  # names of attributes with the normals of a mesh
 
 
 class LayerMesh(NamedTuple):

@@ -25,8 +25,7 @@ KEPT_ELSEWHERE = {
     "PointInstancer": "instances of points",
 }
 METADATA = {"upAxis": "the up axis", "metersPerUnit": "the unit"}
-PRIM = 1000
-"""Approximate memory in bytes of a composed prim."""
+PRIM = 1000  # approximate memory in bytes of a composed prim
 
 
 def scene_content(layers: Layers, size: int) -> Content:

@@ -23,12 +23,9 @@ from cascadenorm.mesh.polygons import Polygons, strips
 
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 LINES = ("lines", "linestrips")
-CONVERTED = {"COLOR": CHANNELS, "TEXCOORD": TEXTURE}
-"""Names of the values of vertices by their semantic."""
-SEMANTICS = {"COLOR": "colours", "TEXCOORD": "texture coordinates", "NORMAL": "normals"}
-"""Semantics in words."""
-FURTHER = "further "
-"""Prefix of the second set of values of a semantic."""
+CONVERTED = {"COLOR": CHANNELS, "TEXCOORD": TEXTURE}  # names of the values of vertices by their semantic
+SEMANTICS = {"COLOR": "colours", "TEXCOORD": "texture coordinates", "NORMAL": "normals"}  # semantics in words
+FURTHER = "further "  # prefix of the second set of values of a semantic
 KEPT_ELSEWHERE = {
     "library_materials": "materials",
     "library_images": "textures",

@@ -29,10 +29,8 @@ RELS = "_rels/.rels"
 MATERIALS = ("basematerials", "colorgroup", "texture2dgroup", "compositematerials", "multiproperties")
 SAMPLE = 1000
 
-Reference = tuple[str, str]
-"""Model and id of an object."""
-Use = tuple[Reference, Matrix]
-"""An object as part of another one or of the build, with its transform."""
+Reference = tuple[str, str]  # model and id of an object
+Use = tuple[Reference, Matrix]  # an object as part of another one or of the build, with its transform
 
 
 class PrintModel:
