@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.lattice import Lattice, trilinear
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
-from cascadenorm.mesh import Mesh, Vectors, connected_components, scatter_add, unit
+from cascadenorm.mesh import Mesh, Topology, Vectors, connected_components, scatter_add, unit
 
 FLAT_SCATTER = 0.08
 """Planes whose scatter has an eigenvalue below this share of the largest count as one plane, or one edge."""
@@ -145,14 +145,9 @@ def _roots(field: DistanceField, start: Vectors, stop: Vectors, low: Values, hig
 
 def _sheets(crossings: Crossings) -> tuple[NDArray[np.int32], int]:
     """Number the sheets of the surface: connected triangles of one cell."""
-    triangles, cells = crossings.triangles, crossings.cells
-    sides = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    keys = sides[:, 0].astype(np.int64) * len(crossings.points) + sides[:, 1]
-    order = np.argsort(keys, kind="stable")
-    same = keys[order][1:] == keys[order][:-1]
-    first, second = order[:-1][same] // 3, order[1:][same] // 3
-    together = (cells[first] == cells[second]).all(axis=1)
-    labels = connected_components(np.stack([first, second], axis=1)[together], len(triangles))
+    pairs = Topology(crossings.triangles, len(crossings.points)).face_pairs
+    together = (crossings.cells[pairs[:, 0]] == crossings.cells[pairs[:, 1]]).all(axis=1)
+    labels = connected_components(pairs[together], len(crossings.triangles))
     return labels, int(labels.max()) + 1
 
 
