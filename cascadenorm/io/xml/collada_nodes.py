@@ -38,7 +38,7 @@ def instances(root: Element, by_id: dict[str, Element]) -> tuple[Placed, Callabl
 
     scene = root.first("scene", "instance_visual_scene")
     chosen = target(scene) if scene is not None else root.first("library_visual_scenes", "visual_scene")
-    nodes = [] if chosen is None else list(chosen.all("node"))
+    nodes = [] if chosen is None else chosen.all("node")
     return [(node, np.eye(4)) for node in nodes], inner
 
 

@@ -37,19 +37,15 @@ class Element:
             raise ReadError(f"the element {self.name!r} holds more than numbers: export the file again")
         return content
 
-    def all(self, *path: str) -> "Iterator[Element]":
+    def all(self, *path: str) -> "list[Element]":
         """Return the elements at a path of names below this one."""
         name, *rest = path
-        for child in self.children:
-            if child.name == name:
-                if rest:
-                    yield from child.all(*rest)
-                else:
-                    yield child
+        found = [child for child in self.children if child.name == name]
+        return [element for child in found for element in child.all(*rest)] if rest else found
 
     def first(self, *path: str) -> "Element | None":
         """Return the first element at a path of names below this one, or None."""
-        return next(self.all(*path), None)
+        return next(iter(self.all(*path)), None)
 
     def within(self) -> "Iterator[Element]":
         """Return this element and all its descendants."""
