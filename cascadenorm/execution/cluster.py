@@ -68,17 +68,16 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
         if scheduler == LOCAL_CLUSTER:
             stack.enter_context(dask.config.set(LOCAL_CLUSTER_CONFIG))
             with interrupts_blocked():  # this process handles Ctrl-C
-                address = stack.enter_context(
-                    distributed.LocalCluster(
-                        n_workers=workers,
-                        threads_per_worker=threads,
-                        memory_limit=memory,
-                        host="127.0.0.1",
-                        dashboard_address="127.0.0.1:0",
-                        worker_dashboard_address="127.0.0.1:0",
-                        silence_logs=logging.CRITICAL,
-                    )
-                ).scheduler_address
+                cluster = distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=threads,
+                    memory_limit=memory,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    worker_dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
+                address = stack.enter_context(cluster).scheduler_address
         else:
             address = scheduler
         try:

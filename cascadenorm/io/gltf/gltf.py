@@ -115,14 +115,7 @@ class GltfFile(MeshFile):
                 "a mesh of this glTF file stores positions in several component types, so seams would open: "
                 "export it with one"
             )
-        self._corner_normals = _stacked(
-            [
-                self._stored_normals.rows_of(p.normals, p.triangles)
-                if len(p.normals.at)
-                else np.broadcast_to(np.int64(-1), p.triangles.shape)
-                for p in self._primitives
-            ]
-        )
+        self._corner_normals = _stacked([self._rows_of_normals(p) for p in self._primitives])
         triangles = _stacked([self._stored.rows_of(p.positions, p.triangles) for p in self._primitives])
         return self._stored.read(self._buffers.data), Polygons.from_rows(triangles)
 
@@ -161,23 +154,16 @@ class GltfFile(MeshFile):
     def _primitive(self, mesh: int, number: int, primitive: dict[str, Any]) -> Primitive:
         attributes = primitive["attributes"]
         positions = self._accessors.vectors(attributes["POSITION"])
-        normals = self._accessors.vectors(attributes["NORMAL"]) if "NORMAL" in attributes else StoredVectors.joined([])
-        count = len(positions.at)
+        normals, count = StoredVectors.joined([]), len(positions.at)
+        if "NORMAL" in attributes and len((stored := self._accessors.vectors(attributes["NORMAL"])).at) == count:
+            normals = stored
         triangles = self._triangles(primitive, count)
         if (triangles >= count).any():
             raise ReadError(
                 f"a face references vertex {triangles.max()} of {count}, counted from 0: the glTF file is damaged; "
                 "get a complete copy"
             )
-        return Primitive(
-            mesh,
-            number,
-            primitive.get("material"),
-            attributes,
-            positions,
-            normals if len(normals.at) == count else StoredVectors.joined([]),
-            triangles,
-        )
+        return Primitive(mesh, number, primitive.get("material"), attributes, positions, normals, triangles)
 
     def _triangles(self, primitive: dict[str, Any], vertex_count: int) -> NDArray[np.int64]:
         """Return the (m, 3) vertices of the triangles of a primitive, counted from 0 within it."""
@@ -196,6 +182,11 @@ class GltfFile(MeshFile):
             fan = np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
             return fan[~repeats_vertex(fan)]
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+
+    def _rows_of_normals(self, primitive: Primitive) -> NDArray[np.int64]:
+        if not len(primitive.normals.at):
+            return np.full(primitive.triangles.shape, -1)
+        return self._stored_normals.rows_of(primitive.normals, primitive.triangles)
 
     def _rows(self, primitive: Primitive) -> NDArray[np.int64]:
         return self._stored.rows_of(primitive.positions, np.arange(len(primitive.positions.at)))

@@ -50,11 +50,8 @@ class UsdFile(MeshFile):
             hint = f"; it references {names}: name that file, or flatten this one (usdcat --flatten)" if names else ""
             raise ReadError(f"there is no mesh in this {self.format} file{hint}")
         sizes = [len(mesh.points) for mesh in self._meshes]
-        check_expansion(
-            sum(mesh.points.nbytes + mesh.polygons.corners.nbytes for mesh in self._meshes),
-            len(self.data),
-            "the meshes of this file",
-        )
+        nbytes = sum(mesh.points.nbytes + mesh.polygons.corners.nbytes for mesh in self._meshes)
+        check_expansion(nbytes, len(self.data), "the meshes of this file")
         self._first = np.cumsum([0, *sizes])
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         whole = joined([Content(mesh.points, mesh.polygons) for mesh in self._meshes])
