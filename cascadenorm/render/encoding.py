@@ -4,9 +4,9 @@ import io
 import shutil
 import subprocess
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
-from typing import IO
 
 import PIL.Image
 
@@ -59,33 +59,25 @@ def mp4(images: Iterable[Image], *, milliseconds: int) -> bytes:
 
     Raises OutputError if ffmpeg is not installed or fails.
     """
-    program = require_ffmpeg()
-    with TemporaryDirectory() as folder, TemporaryFile() as said:
-        file = Path(folder, "turntable.mp4")  # not a pipe, because the index is moved to the front at the end
-        code = _piped([program, "-loglevel", "error"], images, ["-r", f"1000/{milliseconds}"], file, said)
-        if code:
-            said.seek(0)
-            last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
-            raise OutputError(f"{program} ended with {code}: {last or 'it says nothing'}")
-        return file.read_bytes()
-
-
-def _piped(program: list[str], images: Iterable[Image], rate: list[str], file: Path, said: IO[bytes]) -> int:
-    """Pipe images to the program and return its exit code."""
-    frames = iter(images)
+    program, frames = require_ffmpeg(), iter(images)
     first = next(frames)
     height, width = first.shape[:2]
-    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", *rate, "-i", "-"]
-    with subprocess.Popen([*program, *source, *MP4_SETTINGS, str(file)], stdin=subprocess.PIPE, stderr=said) as running:
-        assert running.stdin is not None
-        try:
-            with running.stdin as pipe:
-                pipe.write(first.tobytes())
-                for image in frames:
-                    pipe.write(image.tobytes())
-        except BrokenPipeError:
-            pass  # the program has ended, and its exit code is more informative
-        except BaseException:
-            running.kill()
-            raise
-    return running.wait()
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"1000/{milliseconds}", "-i", "-"]
+    with TemporaryDirectory() as folder, TemporaryFile() as said:
+        file = Path(folder, "turntable.mp4")  # not a pipe, because the index is moved to the front at the end
+        command = [program, "-loglevel", "error", *source, *MP4_SETTINGS, str(file)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said) as running:
+            assert running.stdin is not None
+            try:
+                with running.stdin as pipe:
+                    pipe.writelines(image.tobytes() for image in chain([first], frames))
+            except BrokenPipeError:
+                pass  # the program has ended, and its exit code is more informative
+            except BaseException:
+                running.kill()
+                raise
+        if running.returncode:
+            said.seek(0)
+            last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
+            raise OutputError(f"{program} ended with {running.returncode}: {last or 'it says nothing'}")
+        return file.read_bytes()
