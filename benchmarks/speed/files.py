@@ -271,11 +271,10 @@ def as_text(source: Path, target: Path) -> None:
 
 def memory_table(figures: results.Figures) -> str:
     """Return a row for each format, in increasing order of memory."""
-    lower, upper = (bytes / 1e6 for bytes in figures["program"])
+    program = " to ".join(dict.fromkeys(f"{bytes / 1e6:.0f}" for bytes in figures["program"]))
     rows = [[title, *(f"{bytes / 1e6:.0f} MB" for bytes in found)] for title, found in figures["formats"].items()]
     caption = (
-        f"Beyond the {lower:.0f} to {upper:.0f} MB of the program itself, reading a mesh of {figures['faces']:,} "
-        "triangles takes at most"
+        f"Beyond the {program} MB of the program itself, reading a mesh of {figures['faces']:,} triangles takes at most"
     )
     return f"{caption}\n\n{results.markdown(['file', 'size', 'memory'], rows)}"
 
