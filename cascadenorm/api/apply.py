@@ -28,7 +28,7 @@ from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.patches.work import free_derived
-from cascadenorm.geometry.volume import with_volume_of
+from cascadenorm.geometry.volume import closed_parts, with_volume_of
 from cascadenorm.mesh import (
     Ints,
     Ints32,
@@ -164,6 +164,12 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
         order = ordered_for_cache(framed)
         return order, *split_into_shells(oriented(without_repeated_faces(order.mesh))), exponent
     return Renumbered.unchanged(mesh), in_frame_of_whole(mesh, halo.whole), None, halo.whole.frame.exponent
+
+
+def encloses_volume(mesh: Mesh) -> bool:
+    """Return whether a component or a region of a mesh is closed, so that its volume can be kept."""
+    _, framed, parts, _ = _prepared(without_lines(mesh), None)
+    return (closed_parts(framed) if parts is None else closed_parts(parts.mesh, may_touch=True)).total > 0
 
 
 def reported_controls(controls: Controls) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import CLEAN, FAST, ROUGH, command, refused
+from partitions import walls
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
@@ -131,13 +132,26 @@ def test_json_says_which_controls_were_in_force(place, capsys):
     assert set(NO_CONTROLS) == set(CONTROLS) - {"strength", "threads", "progress", "halo"}
 
 
-@pytest.mark.parametrize("opened", [True, False])
-def test_a_volume_that_cannot_be_kept_is_named(place, capsys, opened):
-    ball = icosphere(2)
-    save_mesh(place / "kept.ply", Mesh(ball.vertices, ball.faces[opened:]))
+BALL = icosphere(2)
+MIXED = [face[:: 1 if number % 3 else -1] for number, face in enumerate(BALL.faces)]
+
+
+@pytest.mark.parametrize(
+    ("mesh", "is_open"),
+    [
+        pytest.param(Mesh(BALL.vertices, BALL.faces[1:]), True, id="open"),
+        pytest.param(BALL, False, id="closed"),
+        pytest.param(Mesh(BALL.vertices, MIXED), False, id="every third face flipped"),
+        pytest.param(Mesh(BALL.vertices, [*BALL.faces, BALL.faces[0]]), False, id="a face twice"),
+        pytest.param(Mesh(BALL.vertices, [*BALL.faces, (0, 0, 1)]), False, id="a face that repeats a vertex"),
+        pytest.param(walls("half balls", voxel=0.3).mesh, False, id="regions that share a wall"),
+    ],
+)
+def test_a_volume_that_cannot_be_kept_is_named(place, capsys, mesh, is_open):
+    save_mesh(place / "kept.ply", mesh)
     assert run(["denoise", "kept.ply", "-o", "out.ply", *FAST, "--keep-volume"]) == 0
     said = "cascadenorm: --keep-volume had no effect: no component of the mesh is closed\n"
-    assert (said in capsys.readouterr().err) == opened
+    assert (said in capsys.readouterr().err) == is_open
 
 
 def test_the_controls_in_force_are_printed(place, capsys):

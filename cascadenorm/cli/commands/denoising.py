@@ -75,9 +75,9 @@ def denoise(
 ) -> None:
     """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
+    from cascadenorm.api.apply import encloses_volume
     from cascadenorm.api.inspection.inspection import new_faults
     from cascadenorm.cli import json_output, progress_bars, tables
-    from cascadenorm.geometry.volume import closed_parts
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
@@ -118,7 +118,7 @@ def denoise(
         json_output.print_json("denoise", {**asdict(done), **json_output.faults_json(*meshes)}, file=out)
     else:
         tables.print_denoised(done, file=out)
-        if controls["volume"] == "keep" and not closed_parts(denoised.before.mesh).total:
+        if controls["volume"] == "keep" and not encloses_volume(denoised.before.mesh):
             notify("--keep-volume had no effect: no component of the mesh is closed")
         tables.print_new_faults(new_faults(*meshes))
         if report is not None:
