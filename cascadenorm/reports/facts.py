@@ -82,7 +82,8 @@ def _volume(found: Sequence[Inspection]) -> Tile:
     known = [volume for volume in volumes if volume is not None]
     if len(known) < len(volumes):
         loops = found[-1].boundary_loops
-        return Tile("Volume", ("none",), f"open, {counted(loops, 'boundary loop')}" if loops else "not closed")
+        note = f"open, {counted(loops, 'boundary loop')}" if loops else "not an oriented manifold"
+        return Tile("Volume", ("none",), note)
     if len(known) == 2 and known[0]:
         change = 100 * (known[1] / known[0] - 1)
         return Tile("Volume", (f"{change:+.2f} %".replace("-", "−"),), f"{known[0]:.5g} → {known[1]:.5g} mesh units³")

@@ -280,6 +280,10 @@ def test_a_report_leads_with_figures_before_and_after(place):
     assert "Angle to the input 0.00°" in text_of(place / "r.html")
     cn.report("open.html", grid(3, 4))
     assert "Volume none open, 1 boundary loop" in text_of(place / "open.html")
+    flipped = Mesh(ROUGH.vertices, [ROUGH.faces[0, ::-1], *ROUGH.faces[1:]])
+    cn.report("flipped.html", flipped)
+    said = text_of(place / "flipped.html")
+    assert "surface closed" in said and "Volume none not an oriented manifold" in said
 
 
 def test_the_kind_of_error_is_said_as_denoise_says_it(place, capsys):
