@@ -7,7 +7,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.compute.equal_rows import first_equal
-from cascadenorm.mesh import Mesh, any_in_rows, connected_components
+from cascadenorm.mesh import Mesh, all_in_rows, any_in_rows, connected_components
 
 NEIGHBORS = 8
 NEAR = 1e-3  # distance, in median edge lengths, within which boundary vertices nearly coincide
@@ -80,11 +80,11 @@ def nearly_coincident(mesh: Mesh) -> NDArray[np.bool_]:
 def _weld_equal(
     positions: NDArray[Any], triangles: NDArray[np.int64], parts: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Weld boundary vertices at exactly the same position."""
+    """Weld boundary vertices at exactly the same position; positions that are not finite are never the same."""
     found = first_equal(positions if parts is None else np.column_stack([positions, parts]))
     if found is None:
         return np.arange(len(positions), dtype=np.int32), np.arange(len(positions))
-    same, copied = found
+    same, copied = found[0], found[1] & all_in_rows(np.isfinite(positions))
     uses = np.bincount(triangles.ravel(), minlength=len(same))
     joins = _on_boundary_edges(triangles, copied & (uses > 1)) | (copied & (uses == 1))
     joined, leads, first_there = np.flatnonzero(joins), np.arange(len(same)), np.empty(len(same), np.int64)

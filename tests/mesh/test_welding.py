@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mesh_files import ply_of
-from shapes import cube, icosphere
+from shapes import cube, grid, icosphere
 from test_io import OBJ, read, stl_binary, stl_text, written
 
 import cascadenorm as cn
@@ -35,6 +35,15 @@ def test_surfaces_that_touch_inside_stay_apart():
     box = cube(2)
     twice = ply_of(np.concatenate([box.vertices] * 2), np.concatenate([box.faces, box.faces + len(box.vertices)]))
     assert len(twice.mesh.vertices) == 2 * len(box.vertices)
+
+
+def test_vertices_that_are_not_finite_are_not_copies_of_one_another():
+    sheet = grid(6, 6)
+    vertices = sheet.vertices.copy()
+    vertices[[1, 3, 5]], vertices[[7, 13]] = np.nan, np.inf
+    file = ply_of(vertices, sheet.faces)
+    assert inspect(file).not_finite == inspect(vertices, sheet.faces).not_finite
+    assert inspect(file).not_finite.first == (1, 3, 5, 7, 13)
 
 
 def rounded_soup(apart: float) -> tuple[Mesh, bytes]:
