@@ -111,11 +111,21 @@ def _side_by_side(
     flipped = np.arange(len(faces)) >= len(first)
     shell = np.concatenate([np.where(inside, behind, count)[first], ahead[second]])
 
-    # One copy of a vertex for each of its shells
-    keys = mesh.faces[faces].astype(np.int64) * (count + 1) + shell[:, None]
-    copies, corners = np.unique(keys, return_inverse=True)
-    corners = corners.reshape(-1, 3)
+    # One copy of a vertex for each of its shells, which are numbered by their lowest faces as seen from outside, since
+    # the order and orientation of the faces must not affect the result
+    corners = mesh.faces[faces].astype(np.int64)
     corners[flipped] = corners[flipped, ::-1]
+    least = corners.min(axis=1)
+    lowest = np.full(count + 1, len(mesh.vertices))
+    np.minimum.at(lowest, shell, least)
+    low = np.flatnonzero(least == lowest[shell])
+    turns = corners[low].argmin(axis=1)[:, None] + np.arange(3)
+    low = low[np.lexsort(np.take_along_axis(corners[low], turns % 3, axis=1).T[::-1])]
+    numbers, places = np.unique(shell[low], return_index=True)
+    rank = np.zeros(count + 1, np.int64)
+    rank[numbers[np.argsort(places)]] = np.arange(len(numbers))
+    copies, corners = np.unique(corners * (count + 1) + rank[shell][:, None], return_inverse=True)
+    corners = corners.reshape(-1, 3)
     owners = copies // (count + 1)
     return Mesh(mesh.vertices[owners], corners), owners, faces, flipped
 
