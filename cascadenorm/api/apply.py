@@ -69,11 +69,13 @@ class Applied(NamedTuple):
     other_triangles: bool = False
 
     @classmethod
-    def elsewhere(cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None) -> "Applied":
+    def elsewhere(
+        cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None, *, other_triangles: bool = False
+    ) -> "Applied":
         """Return vertices of a mesh that were computed otherwise, with the displacements by JUDGING_METHOD, (n, 3)."""
         order, seen, _, exponent = _prepared(without_lines(mesh), None)
         denoised = None if removed is None else seen.vertices + np.ldexp(removed[order.numbers], -exponent)
-        return cls(vertices, seen, exponent, order.places, denoised)
+        return cls(vertices, seen, exponent, order.places, denoised, other_triangles)
 
     @property
     def removed(self) -> Vectors | None:

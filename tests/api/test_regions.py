@@ -112,6 +112,18 @@ def test_files_stay_joined(halves, tmp_path, capsys):
         assert (mine != mesh.vertices.astype(np.float32)).any()
 
 
+@pytest.mark.parametrize(
+    ("settings", "treatment"),
+    [({}, "measured-surface"), ({"creases": 40}, "unknown"), ({"remove_detail": "4 edges"}, "unknown")],
+)
+def test_files_say_what_they_are_treated_as(halves, tmp_path, settings, treatment):
+    names = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for name, mesh in zip(names, halves[1:3], strict=True):
+        save_mesh(name, mesh)
+    done = cn.denoise_region_files(names, **settings)
+    assert [one.treated_as.treatment for one in done] == [treatment] * 2
+
+
 def test_files_go_beside_their_sources_and_are_not_overwritten(halves, tmp_path):
     _, first, second, *_ = halves
     names = [tmp_path / "a.obj", tmp_path / "b.ply"]
