@@ -59,7 +59,8 @@ class Applied(NamedTuple):
     """A mesh to which a method was applied."""
 
     vertices: NDArray[Any]  # (n, 3), in the type that was asked for
-    seen: Mesh  # the mesh as the method received it
+    seen: Mesh  # the mesh in its frame
+    surfaces: Mesh  # the surfaces that the method received: `seen`, or the shells of its regions
     exponent: int  # `seen` is scaled by 2**-exponent
     places: Ints32  # (n,) index of each vertex in `seen`
     # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
@@ -73,9 +74,10 @@ class Applied(NamedTuple):
         cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None, *, other_triangles: bool = False
     ) -> "Applied":
         """Return vertices of a mesh that were computed otherwise, with the displacements by JUDGING_METHOD, (n, 3)."""
-        order, seen, _, exponent = _prepared(without_lines(mesh), None)
+        order, seen, parts, exponent = _prepared(without_lines(mesh), None)
         denoised = None if removed is None else seen.vertices + np.ldexp(removed[order.numbers], -exponent)
-        return cls(vertices, seen, exponent, order.places, denoised, other_triangles)
+        surfaces = seen if parts is None else parts.mesh
+        return cls(vertices, seen, surfaces, exponent, order.places, denoised, other_triangles)
 
     @property
     def removed(self) -> Vectors | None:
@@ -151,7 +153,8 @@ def run_with_controls(
         controls["progress"](1.0)
     vertices = displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
     first = denoised[0] if denoised else None
-    return Applied(vertices, framed, exponent, order.places, first, on_copies or creases is not None)
+    surfaces = framed if parts is None else parts.mesh
+    return Applied(vertices, framed, surfaces, exponent, order.places, first, on_copies or creases is not None)
 
 
 def step_key(method: Method, strength: float) -> float:

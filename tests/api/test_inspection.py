@@ -463,5 +463,15 @@ def test_inspect_and_denoise_tell_the_same_error_where_regions_share_walls(tmp_p
     assert (told.error, told.noise, told.treated_as) == (done.error, done.error.size, done.treated_as)
 
 
+def test_regions_that_share_walls_are_treated_as_their_surfaces_are():
+    found = walls("half balls", voxel=0.2)
+    mesh = noisy(found.mesh, 0.03)
+    each = [inspect(found._replace(mesh=mesh).region(label)) for label in range(3)]
+    kinds, faces = [one.treated_as.treatment for one in each], [one.faces for one in each]
+    told = inspect(mesh).treated_as
+    share = np.average([kind == told.treatment for kind in kinds], weights=faces)
+    assert 0.5 < share < 1 and told.share == pytest.approx(share)
+
+
 def test_denoise_tells_no_error_if_nothing_is_to_move(rough, tmp_path):
     assert cn.denoise_file(rough[0], tmp_path / "out.ply", strength=0).error is None
