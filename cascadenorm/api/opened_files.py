@@ -159,7 +159,7 @@ def opened_file(
     if controls["on_bad"] == "isolate":
         file = file.isolating()
     if apart > 0:
-        file = _welded(file, apart, in_edges)
+        file = _welded(file, apart, in_edges, source_name(source))
     chosen = io.output_format(output, format or file.format)
     whole, dropped = file, None
     if drop_components is not None:
@@ -179,9 +179,9 @@ def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, con
     return file.with_vertices(vertices, limit=limit)
 
 
-def _welded(file: io.MeshFile, distance: float, in_edges: bool) -> io.MeshFile:
+def _welded(file: io.MeshFile, distance: float, in_edges: bool, name: str) -> io.MeshFile:
     """Return a file with nearby boundary vertices joined; raises ParameterError for half an edge length or more."""
-    edge = mesh_of_file(file, "").mean_edge_length
+    edge = mesh_of_file(file, name).mean_edge_length
     if in_edges:
         distance *= edge
     if not distance < 0.5 * edge:

@@ -101,6 +101,12 @@ def test_a_weld_of_half_an_edge_is_refused(length, tmp_path):
         cn.denoise_file(tmp_path / "a.stl", method="laplacian", weld=length)
 
 
+def test_an_invalid_mesh_that_is_to_be_welded_is_named(tmp_path):
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    with pytest.raises(cn.MeshError, match=r"points\.obj: the file has 2 vertices and no faces"):
+        cn.denoise_file(tmp_path / "points.obj", weld="0.001 edges")
+
+
 def test_welding_distinguishes_what_single_precision_does_not():
     vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1e-12, 0, 0), (-1, 0, 0), (-0.0, -1, 0), (0, -1, 0)])
     file = ply_of(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 4, 6)]))
