@@ -20,7 +20,7 @@ from cascadenorm.registry.controls import Controls
 
 
 class Dropped(NamedTuple):
-    """A mesh file after its small components were removed, and the numbers of dropped components and polygons.
+    """A mesh file after its small components were removed, and the numbers of dropped components and triangles.
 
     `among` is the number of connected components before.
     """
@@ -49,7 +49,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
         if (rest := file.without(gone)) is not None:
             in_place = file.parts is None or np.array_equal(file.content().positions, file.positions, equal_nan=True)
             rest = rest.with_settings_of(file)
-            return Dropped(rest, len(first), int(gone.sum()), among, (), ~small if in_place else None)
+            return Dropped(rest, len(first), int(small.sum()), among, (), ~small if in_place else None)
     own, lost = as_one_mesh(file)
     own = own if own is file else own.with_settings_of(file)
     shown = mesh_of_file(own, name)  # the scene may show a mesh several times
@@ -85,7 +85,8 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
         )
         made, lost = kind(b"".join(pieces), own.folder), [*lost, *content.left_out, *further]
     made = made.with_settings_of(file)
-    return Dropped(made, len(first), int(bad.sum()), among, tuple(dict.fromkeys(lost)), ~small if matches else None)
+    left_out = tuple(dict.fromkeys(lost))
+    return Dropped(made, len(first), int(small.sum()), among, left_out, ~small if matches else None)
 
 
 def controls_of_kept(controls: Controls, dropped: Dropped, before: io.MeshFile) -> Controls:

@@ -130,6 +130,14 @@ def test_values_of_vertices_and_faces_stay_with_what_is_kept(tmp_path):
     assert content.polygons.counts.tolist() == [4, 3] and content.polygons.corners.tolist() == [0, 1, 2, 3, 1, 2, 6]
 
 
+@pytest.mark.parametrize(("limit", "dropped"), [(2, 0), (3, 2)])
+def test_faces_of_polygons_are_counted_as_triangles(tmp_path, limit, dropped):
+    corners = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "v -1 0 0", "v 9 0 0", "v 10 0 0", "v 10 1 0", "v 9 1 0"]
+    (tmp_path / "a.obj").write_text("\n".join([*corners, "f 1 2 3 4 5", "f 6 7 8 9", ""]))
+    done = cn.denoise_file(tmp_path / "a.obj", tmp_path / "out.obj", method="laplacian", drop_components=limit)
+    assert (done.dropped_faces, done.faces + done.dropped_faces) == (dropped, cn.inspect(tmp_path / "a.obj").faces)
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("relative", [False, True])
 def test_lines_of_an_obj_file_about_what_is_kept_stay(end, relative, tmp_path):
