@@ -9,7 +9,8 @@ import numpy as np
 from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.geometry.curvature import mean_curvature
 from cascadenorm.geometry.metrics import angles_at_faces, errors
-from cascadenorm.mesh import Floats, Mesh, MeshError
+from cascadenorm.geometry.orientation import oriented
+from cascadenorm.mesh import Floats, Mesh, MeshError, without_lines, without_repeated_faces
 
 USUAL = 0.98  # quantile of the absolute values at the end of the default colour range
 
@@ -74,9 +75,9 @@ def fields(
     if "truth" in meshes:
         away = {key: _errors(mesh, meshes["truth"], unit) for key, mesh in judged.items()}
         found |= {name: {key: one[name] for key, one in away.items()} for name in ("normal-error", "distance")}
-    found["noise"] = {key: noise[key] if key in noise else local_noise(mesh) for key, mesh in judged.items()}
+    found["noise"] = {key: noise[key] if key in noise else _noise(mesh) for key, mesh in judged.items()}
     found["curvature"] = {
-        key: curvature[key] if key in curvature else mean_curvature(mesh) / unit for key, mesh in meshes.items()
+        key: curvature[key] if key in curvature else _curvature(mesh, unit) for key, mesh in meshes.items()
     }
     return [Field(name, values) for name, values in found.items()]
 
@@ -93,11 +94,26 @@ def field(name: str, meshes: Mapping[str, Mesh], other: Mesh, unit: float) -> Fi
 def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Floats:
     against = QUANTITIES[name].against
     if against is None:
-        return local_noise(mesh) if name == "noise" else mean_curvature(mesh) / unit
+        return _noise(mesh) if name == "noise" else _curvature(mesh, unit)
     if against == "input" and not np.array_equal(mesh.faces, other.faces):
         problem = f"does not have the same faces as the mesh that it is compared with, so {name} is not defined"
         raise MeshError(f"{key} {problem}", hint="use distance")
     return (_errors(mesh, other, unit) if against == "truth" else _changes(other, mesh, unit))[name]
+
+
+def _noise(mesh: Mesh) -> Floats:
+    """Return the local noise, which does not depend on the orientation of the faces."""
+    return local_noise(oriented(_surface(mesh)))
+
+
+def _curvature(mesh: Mesh, unit: float) -> Floats:
+    """Return the mean curvature in the unit of the files."""
+    return mean_curvature(_surface(mesh)) / unit
+
+
+def _surface(mesh: Mesh) -> Mesh:
+    """Return the mesh without faces that repeat a vertex or another face, whose normals may cancel."""
+    return without_repeated_faces(without_lines(mesh))
 
 
 def _errors(mesh: Mesh, truth: Mesh, unit: float) -> dict[str, Floats]:
@@ -112,5 +128,5 @@ def _changes(before: Mesh, after: Mesh, unit: float) -> dict[str, Floats]:
     return {
         "angle": angles_at_faces(after.face_normals, before.face_normals),
         "displacement": np.linalg.norm(moves, axis=1),
-        "normal-displacement": np.einsum("ij,ij->i", moves, before.vertex_normals),
+        "normal-displacement": np.einsum("ij,ij->i", moves, _surface(before).vertex_normals),
     }

@@ -241,6 +241,30 @@ def test_fields_of_angles_are_what_compare_measures():
     assert found["angle"].values["after"].mean() == cn.compare(out, ROUGH).normal_error_deg
 
 
+BACK_FACES = [*ROUGH.faces, *ROUGH.faces[:, ::-1]]
+MIXED = [face[:: 1 if number % 3 else -1] for number, face in enumerate(ROUGH.faces)]
+
+
+@pytest.mark.parametrize(
+    ("faces", "names"),
+    [
+        pytest.param(BACK_FACES, ["noise", "curvature", "normal-displacement"], id="every face twice"),
+        pytest.param([*ROUGH.faces, (0, 0, 1)], ["noise", "curvature", "normal-displacement"], id="a repeated vertex"),
+        pytest.param(MIXED, ["noise"], id="every third face flipped"),
+    ],
+)
+def test_fields_on_vertices_are_those_of_the_surface(faces, names):
+    moved = ROUGH.vertices + 0.01 * np.sin(7 * ROUGH.vertices)
+    sound, other = (
+        fields({"before": Mesh(ROUGH.vertices, every), "after": Mesh(moved, every)}, unit=1.0)
+        for every in (ROUGH.faces, faces)
+    )
+    for one, expected in zip(other, sound, strict=True):
+        if one.name in names:
+            for key, values in expected.values.items():
+                np.testing.assert_allclose(one.values[key], values, atol=1e-12)
+
+
 # what is said
 
 
