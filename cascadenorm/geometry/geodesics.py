@@ -21,6 +21,7 @@ from cascadenorm.mesh import (
     row_distances,
     scatter_add,
     without_lines,
+    without_repeated_faces,
 )
 
 LEAST_HEAT = 1e-300  # least ratio of the least to the largest heat; below it, the diffusion time is increased
@@ -52,7 +53,7 @@ def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
         There is no source, or a source does not exist.
     """
     chosen = _checked_sources(sources, len(mesh.vertices))
-    framed, exponent = in_frame(without_lines(mesh))
+    framed, exponent = in_frame(without_repeated_faces(without_lines(mesh)))
     return np.asarray(np.ldexp(heat_distances(framed, chosen), exponent))
 
 

@@ -36,6 +36,13 @@ def test_huge_and_tiny_meshes_with_degenerate_faces(factor):
     np.testing.assert_allclose(kept * factor**2, cn.spectrum(MESH, count=9, scale="keep").values[1:], rtol=1e-7)
 
 
+@pytest.mark.parametrize("repeated", [320, 90])
+def test_faces_that_repeat_others_count_once(repeated):
+    ball = noisy(icosphere(2), 0.1)
+    other = Mesh(ball.vertices, [*ball.faces, *ball.faces[:repeated, ::-1]])
+    assert cn.spectrum(ball, other, count=10).distance == pytest.approx(0, abs=1e-9)
+
+
 def test_unknown_settings_are_refused():
     with pytest.raises(cn.ParameterError, match="scale is 'Area'; it must be keep or area"):
         cn.spectrum(icosphere(1), count=3, scale="Area")

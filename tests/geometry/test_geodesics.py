@@ -86,6 +86,12 @@ def test_pose_scale_order_and_orientation_do_not_matter():
         np.testing.assert_allclose(heat(Mesh(factor * mesh.vertices, mesh.faces), [5, 70]), factor * expected)
 
 
+def test_faces_that_repeat_others_count_once():
+    ball = noisy(icosphere(3), 0.1)
+    other = Mesh(ball.vertices, [*ball.faces, *ball.faces[:300, ::-1]])
+    np.testing.assert_allclose(geodesic_distances(other, 0), geodesic_distances(ball, 0), atol=1e-12)
+
+
 def test_what_no_source_is_connected_to_is_infinitely_far():
     ball = icosphere(2)
     vertices = np.concatenate([ball.vertices, [[9, 9, 9]], ball.vertices + 4])
