@@ -115,3 +115,13 @@ def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 10)
     assert run(words) == 0
     assert json.loads(capsys.readouterr().out)["crossing_faces"] == {"before": None, "after": None}
+
+
+def test_spikes_and_folds_of_a_mesh_with_back_faces_are_those_of_its_front():
+    front = noisy(BALL, 0.7)
+    both = Mesh(front.vertices, [*front.faces, *front.faces[:, ::-1]])
+    found, expected = cn.inspect(both), cn.inspect(front)
+    assert expected.spikes.count > 0 and expected.folded_edges > 0
+    assert (found.spikes, found.folded_edges) == (expected.spikes, expected.folded_edges)
+    faults = surface_faults(both)
+    assert (faults["spikes"], faults["folded_edges"]) == (expected.spikes.count, expected.folded_edges)

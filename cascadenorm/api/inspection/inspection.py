@@ -257,9 +257,9 @@ def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersect
         "nearly_coincident": numbered.at_vertices(nearly_coincident(small)),
         "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
         "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
-        "spikes": numbered.at_vertices(spikes(small)),
+        "spikes": numbered.at_vertices(spikes(facing)),
         "outliers": numbered.at_vertices(outliers(facing)),
-        "folded_edges": int(folded_edges(small).sum()),
+        "folded_edges": int(folded_edges(facing).sum()),
         "small_components": numbered.at_faces(np.isin(every, small_components(mesh)[1])),
         "euler_characteristic": int(topology.used_vertices.sum()) - len(topology.edges) + len(mesh.faces),
         "genus": int((2 - parts.characteristics[parts.manifold]).sum() // 2) if parts.manifold.any() else None,
@@ -326,5 +326,6 @@ def _crossing_count(small: Mesh) -> int | None:
 
 
 def _spikes_and_folds(small: Mesh) -> dict[str, int]:
-    """Count the spikes and the folded edges of a mesh in its frame."""
-    return {"spikes": int(spikes(small).sum()), "folded_edges": int(folded_edges(small).sum())}
+    """Count the spikes and the folded edges of a mesh in its frame, without repeated faces."""
+    surface = without_repeated_faces(small)
+    return {"spikes": int(spikes(surface).sum()), "folded_edges": int(folded_edges(surface).sum())}
