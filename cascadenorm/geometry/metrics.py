@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
-from cascadenorm.mesh import Mesh, MeshError, Vectors, angles_between, scaled_alike, without_lines
+from cascadenorm.mesh import (
+    Mesh,
+    MeshError,
+    Vectors,
+    angles_between,
+    scaled_alike,
+    without_lines,
+    without_repeated_faces,
+)
 
 APART = 0.5  # mean distance to the ground truth, in diagonals of the smaller mesh, above which meshes are unrelated
 LEAST_SIZE = 1e-90  # smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow
@@ -81,12 +89,13 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     """Measure the errors of a mesh against the ground truth.
 
     If both meshes have the same faces, these are compared one by one. Otherwise each face is compared with the face of
-    `reference` nearest to its centroid. Faces without area in either mesh, vertices without a face, and the edges of
-    faces that repeat a vertex are ignored. Raises MeshError if no pair of compared faces has two normals, the ground
-    truth has no extent, the sizes of the meshes differ too much, or the meshes are so far apart that no measure would
-    mean anything.
+    `reference` nearest to its centroid. Faces without area in either mesh, vertices without a face, the edges of faces
+    that repeat a vertex, and faces that repeat another one are ignored. Raises MeshError if no pair of compared faces
+    has two normals, the ground truth has no extent, the sizes of the meshes differ too much, or the meshes are so far
+    apart that no measure would mean anything.
     """
-    mesh, reference = scaled_alike(without_lines(mesh), without_lines(reference))  # scale changes no measure
+    surfaces = (without_repeated_faces(without_lines(one)) for one in (mesh, reference))
+    mesh, reference = scaled_alike(*surfaces)  # scale changes no measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
     if 0 < sizes[0] < LEAST_SIZE * sizes[1]:
         raise MeshError(f"one mesh is over {1 / LEAST_SIZE:.0e} times as large as the other: bring them to one unit")

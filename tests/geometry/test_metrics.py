@@ -135,6 +135,16 @@ def test_faces_that_repeat_a_vertex_change_nothing():
     assert found == measure(rough, clean)  # also closed, with the same mean edge length
 
 
+@pytest.mark.parametrize("of_both", [True, False])
+@pytest.mark.parametrize("repeated", [320, 1])
+def test_faces_that_repeat_others_change_nothing(repeated, of_both):
+    clean = icosphere(2)
+    rough = noisy(clean, 0.1)
+    more = [*clean.faces, *clean.faces[:repeated, ::-1]]
+    found = measure(Mesh(rough.vertices, more), Mesh(clean.vertices, more) if of_both else clean)
+    assert found == measure(rough, clean)
+
+
 def test_a_reference_without_extent_is_refused():
     with pytest.raises(MeshError, match="at one place"):
         measure(grid(1, 1), Mesh(np.zeros((3, 3)), [[0, 1, 2]]))
