@@ -201,7 +201,7 @@ def train(
     check_output(output, force=force)
     checkpoint = output.with_name(output.name + ".training")
     resumed, lines, events = checkpoint.exists(), *(None if one is None else Path(one) for one in (log, tensorboard))
-    if lines is not None:
+    if lines is not None and is_main():  # rank 0 may have created the file before the other processes get here
         check_output(checked_log(lines), force=force or resumed)
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)

@@ -22,10 +22,11 @@ from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.network_training import TrainingFaces, angle_sum, chordal_distance, train_network
 from cascadenorm.learned.training.networks import torch_features
 from cascadenorm.learned.training.training import informative_pairs, train_cascade
+from cascadenorm.learned.training.training_log import read_passes
 from cascadenorm.mesh import limit_threads, unit
 
 TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
-TWO_PROCESSES = [*TORCHRUN, "-m", "cascadenorm", "train"]
+TWO_PROCESSES = [*TORCHRUN, "-m", "--", "cascadenorm", "train"]
 STAGE = '[[stages]]\ndescriptor = "B"\n'
 TINY = TrainConfig(
     faces_per_mesh=500,
@@ -228,6 +229,29 @@ def test_a_process_may_have_no_face_of_a_cluster(tmp_path):
         '[data]\ncount = 2\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
     )
     assert trained_by_two(settings).card["faces_trained_on"] == 80
+
+
+SECOND_WAITS_FOR_THE_LOG = """
+import os, sys, time
+from pathlib import Path
+from cascadenorm.cli import main
+if __name__ == "__main__":
+    while os.environ["RANK"] == "1" and not Path(sys.argv[-1]).exists():
+        time.sleep(0.05)
+    main(sys.argv[1:])
+"""
+
+
+def test_the_log_that_rank_0_has_begun_is_no_reason_for_the_others_to_stop(tmp_path):
+    (tmp_path / "second_waits.py").write_text(SECOND_WAITS_FOR_THE_LOG)
+    (tmp_path / "tiny.toml").write_text(
+        'faces_per_mesh = 40\n[[stages]]\ndescriptor = "B"\n[fit]\nhidden = [4]\nepochs = 2\n'
+        '[data]\ncount = 2\nfamilies = ["smooth"]\nmin_faces = 1200\nmax_faces = 1500\n'
+    )
+    words = ["train", "--config", "tiny.toml", "-o", "tiny.safetensors", "--threads", "1", "--log", "log.csv"]
+    done = subprocess.run([*TORCHRUN, "--", "second_waits.py", *words], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [one.epoch for one in read_passes(tmp_path / "log.csv")] == [1, 2]
 
 
 THREADS_LEFT = """
