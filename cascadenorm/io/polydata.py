@@ -13,6 +13,8 @@ from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io.base import MeshFile, Piece
 from cascadenorm.io.content import Content, single_numbers
 from cascadenorm.io.limits import check_expansion
+from cascadenorm.io.text.number_format import replace_words
+from cascadenorm.io.text.text import Text
 from cascadenorm.io.vtk_sizes import check_legacy_counts, check_xml_arrays
 from cascadenorm.mesh.normals import NORMALS, Normals, RenewNormals
 from cascadenorm.mesh.polygons import Polygons
@@ -132,7 +134,12 @@ class LegacyPolyDataFile(PolyDataFile):
         writer = vtkPolyDataWriter()
         if self._is_binary():
             writer.SetFileTypeToBinary()
-        return with_title(_written_by(writer, surface, self.format), self.data)
+        made = with_title(_written_by(writer, surface, self.format), self.data)
+        points = re.search(rb"\nPOINTS \d+ \w+\n", made)
+        if self._is_binary() or points is None:
+            return made
+        text = Text(made, start=points.end())  # VTK writes six digits, or eleven in double precision
+        return b"".join(replace_words(text, (np.arange(self.positions.size), self.positions.ravel())))
 
     def _is_binary(self) -> bool:
         head = LEGACY.match(self.data)

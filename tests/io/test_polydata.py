@@ -36,6 +36,22 @@ def test_polydata_is_moved_and_keeps_its_data(format, binary, tmp_path):
         assert kinds == [b"BINARY" if binary else b"ASCII"] * 2
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_coordinates_in_legacy_polydata_in_text_keep_their_digits(kind, tmp_path):
+    """VTK would write 5432109.5 as 5.43211e+06."""
+    pyvista = pytest.importorskip("pyvista")
+    made = surface(pyvista)
+    made.points = made.points.astype(kind)
+    made.save(tmp_path / "a.vtk", binary=False)
+    file = cn.read(tmp_path / "a.vtk")
+    assert file.positions.dtype == kind
+    moved = file.with_vertices(file.mesh.vertices + np.array([np.pi, 5432109.5, 0]))
+    for name in ("b.vtk", "b.ply"):
+        io.write(moved, tmp_path / name)
+        assert np.array_equal(cn.read(tmp_path / name).positions, moved.positions)
+    assert np.array_equal(pyvista.read(tmp_path / "b.vtk").points, moved.positions)
+
+
 def test_polydata_is_written_with_values(tmp_path):
     pyvista = pytest.importorskip("pyvista")
     file = read(PLY_TEXT)
