@@ -2,9 +2,11 @@
 
 import json
 import zipfile
+from io import BytesIO
 
 import numpy as np
 import pytest
+import trimesh
 from shapes import icosphere
 from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, written
 
@@ -327,6 +329,23 @@ def test_numbers_that_c_spells_as_none_are_vertices_that_are_not_finite(word):
 def test_off_may_be_lower_case_and_speak_of_what_it_is_not():
     for head in (b"off", b"OFF # not BINARY"):
         assert read(OFF_TETRAHEDRON.replace(b"OFF", head)).mesh.volume == pytest.approx(1 / 6)
+
+
+@pytest.mark.parametrize("encoding", ["binary", "ascii"])
+def test_integers_of_eight_bytes_as_trimesh_writes_them_are_kept(encoding):
+    ball = icosphere(1)
+    mesh = trimesh.Trimesh(ball.vertices, ball.faces, process=False)
+    mesh.vertex_attributes["label"] = 2**40 + np.arange(len(ball.vertices))
+    mesh.face_attributes["part"] = np.arange(len(ball.faces), dtype=np.uint64)
+    data = mesh.export(file_type="ply", encoding=encoding)
+    assert b"property int64 label" in data and b"property uint64 part" in data
+    file = read(data)
+    assert file.content().vertex_values["label"].tolist() == mesh.vertex_attributes["label"].tolist()
+    moved = trimesh.load(BytesIO(written(file.with_vertices(2 * file.mesh.vertices))), "ply", process=False)
+    np.testing.assert_array_equal(moved.vertices, 2 * file.positions)
+    raw = moved.metadata["_ply_raw"]
+    assert raw["vertex"]["data"]["label"].ravel().tolist() == mesh.vertex_attributes["label"].tolist()
+    assert raw["face"]["data"]["part"].ravel().tolist() == mesh.face_attributes["part"].tolist()
 
 
 def test_strips_of_a_ply_count_where_its_faces_are_empty():

@@ -9,7 +9,8 @@ from cascadenorm.errors import ReadError
 TYPE_CODES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
 NAMES = dict(zip(TYPE_CODES, ["char", "uchar", "short", "ushort", "int", "uint", "float", "double"], strict=True))
 OTHERS = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"]
-PLY_TYPES = {**{name: code for code, name in NAMES.items()}, **dict(zip(OTHERS, TYPE_CODES, strict=True))}
+LONG = {"int64": "i8", "uint64": "u8"}  # beyond the standard; trimesh writes them
+PLY_TYPES = {**{name: code for code, name in NAMES.items()}, **dict(zip(OTHERS, TYPE_CODES, strict=True)), **LONG}
 BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -57,7 +58,7 @@ def parse_header(data: bytes) -> Header:
             case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 19:
                 elements.append(PlyElement(name, int(count), []))
             case ["property", "list", count_kind, kind, name] if (
-                elements and kind in PLY_TYPES and PLY_TYPES.get(count_kind, "f")[0] in "iu"
+                elements and kind in PLY_TYPES and count_kind not in LONG and PLY_TYPES.get(count_kind, "f")[0] in "iu"
             ):
                 elements[-1].properties.append(PlyProperty(name, PLY_TYPES[kind], PLY_TYPES[count_kind], (0, 0)))
             case ["property", kind, name] if elements and kind in PLY_TYPES:
