@@ -26,8 +26,8 @@ class Uploads:
     async def take(self, drop: int, name: object, parts: AsyncIterator[bytes], *, announced: int) -> None:
         """Write a file as it is received.
 
-        Raises TooLarge if the dropped files that are not open have too many bytes, and keeps nothing of the file then.
-        Raises OutputError if the name has folders, or if the file cannot be written.
+        Raises TooLarge if the dropped files that are not open have too many bytes, and OutputError if the name has
+        folders, or if the file cannot be written. Nothing of the file is kept unless all of it is received.
         """
         path = self.path(drop, name)
         path.parent.mkdir(exist_ok=True)
@@ -42,11 +42,10 @@ class Uploads:
                     taken += len(part)
                     check_size(path.name, taken, room, self._most)
                     stream.write(part)
-        except TooLarge:
-            path.unlink()
-            raise
-        except OSError as error:
+        except BaseException as error:  # also if the page is closed while it sends
             path.unlink(missing_ok=True)
+            if not isinstance(error, OSError):
+                raise
             raise OutputError(f"{path.name} cannot be received: {error.strerror or error}") from error
 
     def opened(self, drop: int) -> None:

@@ -16,6 +16,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from shapes import icosphere, noisy
+from starlette.requests import ClientDisconnect
 from studios import Studio, until
 
 import cascadenorm as cn
@@ -556,6 +557,17 @@ def test_what_is_dropped_counts_together_until_a_mesh_of_it_is_open(tmp_path):
     take(6, "f.ply", 10)  # from another page
     uploads.opened(5)
     assert sorted(path.name for path in tmp_path.rglob("*.ply")) == ["e.ply", "f.ply"]
+
+
+def test_nothing_is_kept_of_a_file_whose_page_was_closed_while_it_was_sent(tmp_path):
+    async def interrupted():
+        yield bytes(60)
+        raise ClientDisconnect
+
+    uploads = Uploads(tmp_path, most=100)
+    with pytest.raises(ClientDisconnect):
+        asyncio.run(uploads.take(1, "a.ply", interrupted(), announced=90))
+    asyncio.run(uploads.take(2, "b.ply", arriving(bytes(90)), announced=90))
 
 
 @pytest.mark.parametrize("place", ["name", "settings"])
