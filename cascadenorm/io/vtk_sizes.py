@@ -24,7 +24,7 @@ LEGACY_COUNTS = re.compile(
     re.M | re.I,
 )
 """Lines of legacy files with one or two counts; the last alternative is that of arrays in a field."""
-LEGACY_VERSION = re.compile(rb"#\s*vtk DataFile[ \t]+Version[ \t]+(\d{1,4})\.\d+", re.I)
+LEGACY_VERSION = re.compile(rb"#\s*vtk DataFile[ \t]+Version[ \t]+(\d{1,4})\.\d{1,4}\s", re.I)
 BINARY_OR_TEXT = re.compile(rb"^[ \t]*(ASCII|BINARY)\s*$", re.M | re.I)
 CELL_LIST = re.compile(
     rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I

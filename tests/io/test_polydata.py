@@ -190,8 +190,12 @@ def test_cells_of_legacy_polydata_that_do_not_fit_together_are_refused(binary, v
     assert other != data
     with pytest.raises(io.ReadError, match="the cells of this vtk file are not those of version"):
         read(other, "vtk")
-    with pytest.raises(io.ReadError, match="does not begin with its version"):
-        read(data.replace(b"Version ", b"Version -"), "vtk")
+    for wrong in (
+        data.replace(b"Version ", b"Version -"),
+        re.sub(rb"(Version \d\.)\d", rb"\g<1>18446744073709551615", data),
+    ):
+        with pytest.raises(io.ReadError, match="does not begin with its version"):
+            read(wrong, "vtk")
     if version == "42":
         start = re.search(rb"POLYGONS \d+ \d+\n", data).end()
         other = data[:start] + ((1 << 30).to_bytes(4, "big") if binary else b"9") + data[start + (4 if binary else 1) :]
