@@ -27,7 +27,7 @@ TRIMESH_NEEDS = {
 }
 """Packages that a format requires, and the extra that installs them."""
 
-READ_ONLY_FORMATS = ("3dxml", "ctm", "step", "stp", "xaml", "xyz", "zae")
+READ_ONLY_FORMATS = ("3dxml", "ctm", "step", "stp", "xaml", "zae")
 
 
 class TrimeshFile(MeshFile):

@@ -1,6 +1,7 @@
 """What single formats promise: seams stay closed, normals follow, every way to write a value is read."""
 
 import json
+import re
 import zipfile
 from io import BytesIO
 
@@ -14,7 +15,7 @@ import cascadenorm as cn
 from cascadenorm import io
 from cascadenorm.cli import run
 from cascadenorm.io.content import Content
-from cascadenorm.io.files import FORMATS, OPTIONAL
+from cascadenorm.io.files import FORMATS, OPTIONAL, is_mesh_name
 from cascadenorm.mesh import Mesh, MeshError
 from cascadenorm.mesh.polygons import Polygons
 
@@ -200,8 +201,17 @@ def test_other_formats_go_through_trimesh(tmp_path):
         io.write(moved, tmp_path / "moved.zae")
     with pytest.raises(io.ReadError, match="this zae file is a damaged archive"):
         read((tmp_path / "ball.zae").read_bytes()[:100], "zae")
+    with zipfile.ZipFile(tmp_path / "empty.zae", "w") as archive:
+        archive.writestr("empty.dae", re.sub(rb"(?s)<polylist.*</polylist>", b"", (tmp_path / "ball.dae").read_bytes()))
     with pytest.raises(io.ReadError, match="no triangle mesh"):
-        read(b"0 0 0\n1 0 0\n", "xyz")
+        io.read(tmp_path / "empty.zae")
+
+
+def test_point_clouds_are_no_meshes(tmp_path):
+    (tmp_path / "points.xyz").write_bytes(b"0 0 0\n1 0 0\n0 1 0\n")
+    with pytest.raises(io.ReadError, match="'xyz' is not a supported mesh format"):
+        io.read(tmp_path / "points.xyz")
+    assert not is_mesh_name(tmp_path / "points.xyz")  # batches skip it
 
 
 def test_an_stl_without_facets_has_no_faces():
