@@ -30,6 +30,8 @@ CELL_LIST = re.compile(
     rb"^[ \t]*(?:VERTICES|LINES|POLYGONS|TRIANGLE_STRIPS)[ \t]+(\d+)[ \t]+(\d+)[ \t]*\r?\n", re.M | re.I
 )
 OFFSETS = re.compile(rb"^[ \t]*OFFSETS[ \t]+[a-z]", re.M | re.I)
+UNCOUNTED_FIELD = re.compile(rb"^[ \t]*FIELD(?!\S)(?!\s+\S+\s+\d)", re.M | re.I)
+"""A line FIELD without its count, with which VTK crashes."""
 NUMBER_OF = re.compile(rb'\b(NumberOf\w+)\s*=\s*["\']([^"\']*)["\']')
 COUNTED = ("Tuples", "Points", "Verts", "Lines", "Polys")
 DIGITS = 18  # largest number of digits of a count
@@ -76,13 +78,15 @@ def check_legacy_counts(data: bytes) -> None:
 
 
 def _check_legacy_cells(data: bytes) -> None:
-    """Raise ReadError if the cells are not laid out as the version says, since VTK would follow any number in them.
+    """Raise ReadError if cells or fields are not laid out as the version says, since VTK would follow any number there.
 
     Up to version 4, a list of cells holds the number of vertices of each cell, followed by the vertices.
     """
     version, kind = LEGACY_VERSION.match(data), BINARY_OR_TEXT.search(data)
     if version is None or kind is None:
         raise ReadError("this vtk file does not begin with its version and ASCII or BINARY: get a complete copy")
+    if UNCOUNTED_FIELD.search(data, kind.end()):
+        raise ReadError("a line FIELD of this vtk file has no count: the file is truncated; get a complete copy")
     offsets = OFFSETS.search(data) is not None
     if int(version[1]) >= 5 or offsets:
         cells = CELL_LIST.search(data) is not None

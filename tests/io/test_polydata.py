@@ -216,6 +216,20 @@ def test_legacy_polydata_that_declares_more_than_it_holds_is_refused(line, tmp_p
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("binary", [True, False])
+def test_legacy_polydata_that_is_cut_within_the_line_of_a_field_is_refused(binary, tmp_path, capfd):
+    """VTK would end the process."""
+    pyvista = pytest.importorskip("pyvista")
+    surface(pyvista).save(tmp_path / "a.vtk", binary=binary)
+    data = (tmp_path / "a.vtk").read_bytes().replace(b"\nvtk output\n", b"\nfield\n")  # a title is no field
+    assert b"\nfield\n" in data and len(read(data, "vtk").positions) == len(SHEET.vertices)
+    start = data.rindex(b"FIELD FieldData")
+    for length in range(len(b"FIELD"), len(b"FIELD FieldData ")):
+        with pytest.raises(io.ReadError, match="a line FIELD of this vtk file has no count"):
+            read(data[: start + length], "vtk")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_legacy_polydata_in_text_that_is_cut_within_its_numbers_is_refused(tmp_path):
     pyvista = pytest.importorskip("pyvista")
     vtk = pytest.importorskip("vtkmodules.vtkIOLegacy")
