@@ -13,10 +13,10 @@ from cascadenorm.errors import MissingDependencyError
 from cascadenorm.execution.cluster import use_cluster
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.orientation import oriented
-from cascadenorm.io import OutputError, ReadError, is_mesh_name
+from cascadenorm.io import OutputError, ReadError, is_mesh_name, read
 from cascadenorm.io.atomic import explained_writing, make_folder
-from cascadenorm.io.interop import as_mesh, save_mesh
-from cascadenorm.io.pairs import Paths, find_pairs, paths_of
+from cascadenorm.io.interop import as_mesh, mesh_of_file, save_mesh
+from cascadenorm.io.pairs import FilePair, Paths, find_pairs, paths_of
 from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 
 
@@ -32,7 +32,7 @@ def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[P
     rounds = max(1, min(20, config.count // (4 * len(own)))) if own else 0
     made = [own_pair(config, i, part) for i, part in enumerate(own * rounds)]
     for files in find_pairs(noisy):
-        first, true = as_mesh(files.noisy), as_mesh(files.clean)
+        first, true = _cut_alike(files)
         if not np.array_equal(first.faces, true.faces):
             raise MeshError(
                 f"{files.noisy} and {files.clean} have different faces: training needs the same faces in both"
@@ -44,6 +44,20 @@ def training_pairs(shapes: Paths, noisy: Paths, config: DatasetConfig) -> list[P
             clean, _ = part_of(true, chosen)
             made.append(Pair(part_of(first, chosen)[0], clean, clean.face_normals, OWN_FAMILY, "none", 0.0))
     return made
+
+
+def _cut_alike(files: FilePair) -> tuple[Mesh, Mesh]:
+    """Return the noisy and the clean mesh. Polygons that both have are cut into the triangles of the clean mesh.
+
+    How a polygon is cut depends on the positions, which noise changes.
+    """
+    noisy, clean = read(files.noisy), read(files.clean)
+    first, true = mesh_of_file(noisy, str(files.noisy)), mesh_of_file(clean, str(files.clean))
+    (counts, corners), (of_clean, corners_of_clean) = (
+        (file.polygons.counts, file.welds[file.polygons.corners]) for file in (noisy, clean)
+    )
+    same = np.array_equal(counts, of_clean) and np.array_equal(corners, corners_of_clean)
+    return (Mesh(first.vertices, true.faces) if same else first), true
 
 
 def _patches(mesh: Mesh, config: DatasetConfig) -> list[Mesh]:

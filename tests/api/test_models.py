@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import cube, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.training_pairs import training_pairs
@@ -317,6 +317,20 @@ def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_ar
     (tmp_path / "empty").mkdir()
     with pytest.raises(cn.ReadError, match="holds no mesh files"):
         training_pairs([tmp_path / "empty"], [], config)
+
+
+def test_polygons_of_own_pairs_are_cut_into_the_same_triangles(tmp_path):
+    sheet = grid(20, 20)
+    corners = np.arange(21 * 21).reshape(21, 21)
+    quads = np.stack([corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]], axis=-1).reshape(-1, 4)
+    for name, mesh in (("clean", sheet), ("noisy", noisy(sheet, 0.4))):
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
+        lines += [f"f {' '.join(map(str, quad))}" for quad in (quads + 1).tolist()]
+        (tmp_path / f"{name}.obj").write_text("\n".join(lines))
+    cut = [cn.read(tmp_path / f"{name}.obj").mesh.faces for name in ("noisy", "clean")]
+    assert (cut[0] != cut[1]).any()
+    (made,) = training_pairs([], [tmp_path], DatasetConfig(count=8))
+    np.testing.assert_array_equal(made.noisy.faces, made.clean.faces)
 
 
 def test_own_meshes_are_wound_as_they_are_to_be_denoised(tmp_path):
