@@ -4,6 +4,7 @@ A card has metadata in YAML and text in Markdown, which includes the digest of t
 """
 
 import json
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -35,13 +36,13 @@ Weights that denoise triangle meshes: {model}.
 ```python
 import cascadenorm as cn
 
-cn.denoise("scan.ply", model="{file}")
+cn.denoise("scan.ply", model={python_name})
 ```
 
-or `cascadenorm denoise scan.ply --model {file}`. The file is read as plain arrays; nothing in it is executed.
+or `cascadenorm denoise scan.ply --model {quoted_file}`. The file is read as plain arrays; nothing in it is executed.
 
 {networks}{gate}
-The settings are in the file: `cascadenorm models {file}` prints them.
+The settings are in the file: `cascadenorm models {quoted_file}` prints them.
 """
 
 NETWORK_TEMPLATE = """## Training data{of}
@@ -86,6 +87,8 @@ def hub_card(model: str) -> str:
         title=json.dumps(file.stem)[1:-1],
         model=card["model"],
         file=file.name,
+        quoted_file=shlex.quote(file.name),
+        python_name=json.dumps(file.name, ensure_ascii=False),
         size=file.stat().st_size,
         digest=file_digest(file),
         networks="\n".join(_network(name, cascade.card) for name, cascade in networks.items()),

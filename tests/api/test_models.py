@@ -1,6 +1,7 @@
 import hashlib
 import io
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -200,13 +201,14 @@ def test_train_records_each_pass_and_its_curves_are_shown(tmp_path, capsys):
 
 
 def test_the_card_for_the_hub_has_the_digest_and_the_licence_of_the_file(tmp_path):
-    own, card = tmp_path / "mine.safetensors", tmp_path / "README.md"
+    own, card = tmp_path / "my own.safetensors", tmp_path / "README.md"
     own.write_bytes(shipped("cascade").to_bytes())
     assert run(["models", str(own), "--hub", str(card)]) == 0
     _, metadata, text = card.read_text(encoding="utf-8").split("---\n", 2)
     assert metadata.startswith("license: mit\nlibrary_name: cascadenorm\ntags:\n- mesh-denoising\n")
     digest = hashlib.sha256(own.read_bytes()).hexdigest()
-    assert f"| `mine.safetensors` | {own.stat().st_size} | `{digest}` | MIT |" in text
+    assert f"| `my own.safetensors` | {own.stat().st_size} | `{digest}` | MIT |" in text
+    assert "scan.ply --model 'my own.safetensors'`" in text and 'model="my own.safetensors")' in text
     losses = shipped("cascade").card["validation_chord_by_stage_and_cluster"]
     assert f"| 2 | {' | '.join(f'{loss:.4f}' for loss in losses[1])} |" in text
     assert run(["models", "auto", "--hub", str(card)]) == 5  # it exists
@@ -261,7 +263,7 @@ def test_a_training_that_cannot_start_leaves_no_log(tmp_path, monkeypatch, capsy
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     """A folder with the settings of a small training and the model that it made, and what was printed."""
-    folder = tmp_path_factory.mktemp("trained")
+    folder = tmp_path_factory.mktemp("my models")
     (folder / "tiny.toml").write_text(TINY)
     words = ["--config", str(folder / "tiny.toml"), "-o", str(folder / "tiny.safetensors"), "--threads", "1"]
     with redirect_stdout(io.StringIO()) as printed:
@@ -271,7 +273,8 @@ def trained(tmp_path_factory):
 
 def test_train_writes_a_model_that_denoises(trained, tmp_path, capsys):
     folder, printed = trained
-    assert "cascadenorm denoise scan.ply --model" in printed
+    command = shlex.split(printed.rpartition("use it with: ")[2])
+    assert command == ["cascadenorm", "denoise", "scan.ply", "--model", str(folder / "tiny.safetensors")]
     assert sorted(path.name for path in folder.iterdir()) == ["tiny.safetensors", "tiny.toml"]
     settings, weights = folder / "tiny.toml", tmp_path / "tiny.safetensors"
     shutil.copy(folder / "tiny.safetensors", weights)

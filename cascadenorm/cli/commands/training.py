@@ -1,5 +1,6 @@
 """Commands for training data and models."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -99,7 +100,7 @@ def train(
             **controls,
         )
     if is_main():
-        print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
+        _print_use(output)
 
 
 @app.command("train-gate")
@@ -121,7 +122,11 @@ def train_gate(
 
     with progress_bars.progress_tasks(log=True) as progress:
         models.train_gate(vertex, surface, output, seed=seed, force=force, progress=progress, **controls)
-    print(f"the model is in {output}; use it with: cascadenorm denoise scan.ply --model {output}")
+    _print_use(output)
+
+
+def _print_use(model: Path) -> None:
+    print(f"the model is in {model}; use it with: cascadenorm denoise scan.ply --model {shlex.quote(str(model))}")
 
 
 @app.command("models")
