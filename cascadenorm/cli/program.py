@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -70,7 +71,8 @@ def run(arguments: Sequence[str]) -> int:
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:
                 message += "; to denoise several files use `cascadenorm batch`"
             if "No such command" in message and os.path.exists(arguments[0]):
-                message = f"{arguments[0]} is no command: to denoise it, use `cascadenorm denoise {arguments[0]}`"
+                name = arguments[0]
+                message = f"{name} is no command: to denoise it, use `cascadenorm denoise {shlex.quote(name)}`"
             command = context.command_path if context else f"cascadenorm {arguments[0]}"
             notify(f"{message.rstrip('.')} (see `{command} --help`)")
         return USAGE

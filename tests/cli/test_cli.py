@@ -73,6 +73,12 @@ def test_a_url_is_named_as_one_by_commands_that_read_files(place, capsys, name):
     assert code == 3 and message == "cascadenorm: https://example.org/a.ply is a URL: download the file first\n"
 
 
+def test_a_file_in_the_place_of_a_command_is_told_with_a_command_that_works(place, capsys):
+    (place / "ball.ply").rename("my ball.ply")
+    code, message = refused(capsys, "my ball.ply")
+    assert code == 2 and "to denoise it, use `cascadenorm denoise 'my ball.ply'`" in message
+
+
 # bad input
 
 BAD_FILES = {
