@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import redirect_stderr
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any, ClassVar
@@ -183,9 +184,10 @@ class VtkFile(MeshioFile):
     def _understood(self) -> bytes:
         """Return the file with the names of types, and of data like vectors and scalars, that meshio knows.
 
-        In version 5.1, it knows few types and takes int for 64 bits.
+        In version 5.1, it knows few types and takes int for 64 bits. It needs a line end after the last binary array,
+        which Gmsh does not write.
         """
-        data, color = self.data, b"unsigned_char" if self._options()["binary"] else b"float"
+        data, color = self.data + b"\n", b"unsigned_char" if self._options()["binary"] else b"float"
         data = NORMALS_LINE.sub(b"VECTORS", data)
         data = TEXTURE_LINE.sub(rb"SCALARS \1 \3 \2\nLOOKUP_TABLE default", data)
         data = COLORS_LINE.sub(rb"SCALARS \1 " + color + rb" \2\nLOOKUP_TABLE default", data)
@@ -213,10 +215,7 @@ class GmshFile(MeshioFile):
     moving_loses = ("what meshio does not keep of a Gmsh file (entities, versions after 2.2)",)
 
     def _load(self) -> Any:
-        from meshio.gmsh import _gmsh22, _gmsh40, _gmsh41
-
-        for module in (_gmsh22, _gmsh40, _gmsh41):
-            module.cell_data_from_raw = _data_by_block
+        _mend_gmsh_reader()
         grid = super()._load()
         grid.point_data.pop("gmsh:dim_tags", None)
         grid.cell_sets.pop("gmsh:bounding_entities", None)
@@ -239,6 +238,24 @@ class AbaqusFile(MeshioFile):
         if re.search(rb"^\*include\b", self.data, re.M | re.I):
             raise ReadError("this Abaqus file includes other files, which are not read: put their content into it")
         return super()._load()
+
+
+@cache
+def _mend_gmsh_reader() -> None:
+    """Let meshio read data of several kinds of elements, and entities of which only some belong to a physical group."""
+    from meshio.gmsh import _gmsh22, _gmsh40, _gmsh41
+
+    for module in (_gmsh22, _gmsh40, _gmsh41):
+        module.cell_data_from_raw = _data_by_block
+    read_entities = _gmsh41._read_entities
+
+    def with_all_groups(*given: Any) -> tuple[Any, Any]:
+        groups, boundaries = read_entities(*given)
+        if any(group for of_entities in groups for group in of_entities.values()):
+            groups = tuple({tag: group or [0] for tag, group in of_entities.items()} for of_entities in groups)
+        return groups, boundaries
+
+    _gmsh41._read_entities = with_all_groups
 
 
 def _data_by_block(cells: Sequence[Any], data: Mapping[str, NDArray[Any]]) -> dict[str, list[NDArray[Any]]]:

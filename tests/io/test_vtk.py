@@ -409,6 +409,59 @@ def test_data_of_gmsh_elements_of_several_kinds_are_kept(binary, tmp_path):
     assert again.vertex_values["heat"].tolist() == made.point_data["heat"].tolist()
 
 
+GMSH_WITH_A_GROUP = b"""$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+2 7 "top"
+$EndPhysicalNames
+$Entities
+0 0 2 0
+1 0 0 0 1 1 0 1 7 0
+2 0 0 0 1 1 0 0 0
+$EndEntities
+$Nodes
+1 4 1 4
+2 1 0 4
+1
+2
+3
+4
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+$EndNodes
+$Elements
+2 2 1 2
+2 1 2 1
+1 1 2 3
+2 2 2 1
+2 1 3 4
+$EndElements
+"""
+
+
+def test_only_some_surfaces_of_a_gmsh_file_may_be_in_a_physical_group(tmp_path):
+    file = read(GMSH_WITH_A_GROUP)
+    assert file.content().face_values["gmsh:physical"].tolist() == [7, 0]
+    io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "b.msh")
+    again = cn.read(tmp_path / "b.msh")
+    assert again.content().face_values["gmsh:physical"].tolist() == [7, 0]
+    without = read(GMSH_WITH_A_GROUP.replace(b"1 7 0", b"0 0"))
+    assert "gmsh:physical" not in without.content().face_values
+
+
+def test_a_binary_grid_may_end_without_a_line_end(tmp_path):
+    """Gmsh writes such files."""
+    meshio.vtk.write(tmp_path / "a.vtk", sheet(), fmt_version="4.2", binary=True)
+    data = (tmp_path / "a.vtk").read_bytes()
+    assert data.endswith(b"\n") and data.rindex(b"\n") == len(data) - 1
+    cut = read(data[:-1], "vtk").content()
+    assert cut.face_values["part"].tolist() == read(data, "vtk").content().face_values["part"].tolist()
+
+
 def test_data_that_only_some_elements_of_a_gmsh_file_have_are_named(tmp_path, capfd):
     meshio.gmsh.write(
         tmp_path / "a.msh", meshio.Mesh(SHEET.vertices, [("triangle", SHEET.faces)]), fmt_version="2.2", binary=False
