@@ -227,17 +227,38 @@ class GmshFile(MeshioFile):
         return {**self.made_with, "binary": found is None or found[1] == b"1"}
 
 
+ELEMENTS = re.compile(rb"^(\*ELEMENT\b[^\r\n]*?\bTYPE[ \t]*=[ \t]*)(\w+)", re.M | re.I)
+"""A line of an Abaqus file that begins elements, up to their type."""
+
+
 class AbaqusFile(MeshioFile):
     """Nodes and elements of an Abaqus input file. Steps and materials are lost when vertices move."""
 
     format, module = "inp", "abaqus"
     holds_polygons = holds_values = False
-    moving_loses = ("what meshio does not keep of an Abaqus file (all but nodes, elements and sets)",)
+    made_with: ClassVar[dict[str, Any]] = {"translate_cell_names": False}
+    moving_loses = (
+        "what meshio does not keep of an Abaqus file (numbers of nodes and elements, and all but nodes, elements and "
+        "sets)",
+    )
 
     def _load(self) -> Any:
         if re.search(rb"^\*include\b", self.data, re.M | re.I):
             raise ReadError("this Abaqus file includes other files, which are not read: put their content into it")
         return super()._load()
+
+    def _moved_pieces(self) -> Iterable[Piece]:
+        made, types = b"".join(super()._moved_pieces()), [found[2] for found in ELEMENTS.finditer(self.data)]
+        if len(types) != len(ELEMENTS.findall(made)):
+            return [made]
+        names = iter(types)  # meshio would write triangles as R3D3, and quads as CAX4P
+        return [ELEMENTS.sub(lambda found: found[1] + next(names), made)]
+
+    @classmethod
+    def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
+        """Write content as shell elements."""
+        made, lost = super().encode(content)
+        return [b"".join(made).replace(b"TYPE=triangle", b"TYPE=S3").replace(b"TYPE=quad", b"TYPE=S4")], lost
 
 
 @cache

@@ -125,6 +125,24 @@ def test_abaqus_files_name_the_values_that_they_lose(tmp_path):
     assert io.write(read(data), tmp_path / "a.inp") == values
 
 
+def test_elements_of_abaqus_files_keep_their_types(tmp_path):
+    rows = [b"*NODE", b"3, 0, 0, 0", b"5, 1, 0, 0", b"7, 1, 1, 0", b"9, 0, 1, 0"]
+    rows += [b"*ELEMENT, TYPE=S3R", b"2, 3, 5, 7", b"*Element, elset=E, type=S4R", b"8, 3, 5, 7, 9", b""]
+    file = read(b"\n".join(rows))
+    (lost,) = io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "a.inp")
+    assert "(numbers of nodes and elements, and all but nodes" in lost
+    made = (tmp_path / "a.inp").read_text()
+    assert re.findall("TYPE=(.*)", made) == ["S3R", "S4R"] and "\n1,1,2,3\n" in made
+    assert np.array_equal(cn.read(tmp_path / "a.inp").mesh.vertices, file.mesh.vertices + 1)
+
+
+def test_abaqus_files_from_other_formats_have_shell_elements(tmp_path):
+    cn.write(cn.from_arrays(SHEET.vertices, SHEET.faces), tmp_path / "a.ply")
+    io.write(cn.read(tmp_path / "a.ply"), tmp_path / "a.inp")
+    assert re.findall("TYPE=(.*)", (tmp_path / "a.inp").read_text()) == ["S3"]
+    assert np.array_equal(cn.read(tmp_path / "a.inp").mesh.faces, SHEET.faces)
+
+
 @pytest.mark.parametrize("format", ["msh", "inp"])
 def test_polygons_that_a_format_cannot_hold_are_refused(format, tmp_path):
     words = f"the format '{format}' holds triangles and quads only, and 1 face has another number of corners: write ply"
