@@ -30,6 +30,8 @@ SKIPPED = re.compile(r"cannot handle|skipping|couldn't be processed", re.I)
 """Warnings of meshio about content that it does not read."""
 GRID = re.compile(rb"^[ \t]*DIMENSIONS((?:[ \t]+\d+)+)", re.M | re.I)
 CELL_VALUES = re.compile(rb"^[ \t]*CELL_DATA[ \t]", re.M | re.I)
+XML_TEXTS = re.compile(rb"<Array\b[^>]*\btype\s*=\s*[\"']String")
+HAS_TEXTS = "it holds an array of texts, which meshio does not know: remove it, or save the surface as vtp"
 LZ4 = re.compile(rb"compressor\s*=\s*[\"']vtkLZ4DataCompressor")
 
 NORMALS_LINE = re.compile(rb"^NORMALS(?=[ \t]+\S+[ \t]+\w+[ \t]*\r?$)", re.M | re.I)
@@ -203,6 +205,8 @@ class VtuFile(MeshioFile):
     def _load(self) -> Any:
         if LZ4.search(self.data[:1000]):
             raise ReadError("this vtu file is compressed with LZ4, which meshio does not read: write it with ZLib")
+        if XML_TEXTS.search(self.data):
+            raise ReadError(f"meshio cannot read this as vtu: {HAS_TEXTS}")
         return super()._load()
 
 
@@ -295,7 +299,7 @@ def _data_by_block(cells: Sequence[Any], data: Mapping[str, NDArray[Any]]) -> di
 def _said(error: Exception) -> str:
     """Describe an error of meshio."""
     if re.search(r"'(string|unicode_string)'", str(error), re.I):  # the type of an array, such as field data of PyVista
-        return "it holds an array of texts, which meshio does not know: remove it, or save the surface as vtp"
+        return HAS_TEXTS
     return reason(error)
 
 

@@ -225,6 +225,15 @@ def test_texts_in_a_grid_are_refused_with_what_to_do(format, tmp_path):
     grid.save(tmp_path / f"a.{format}")
     with pytest.raises(io.ReadError, match=r"holds an array of texts, .* save the surface as vtp"):
         cn.read(tmp_path / f"a.{format}")
+    if format == "vtu":  # as ParaView writes it
+        writer = pytest.importorskip("vtkmodules.vtkIOXML").vtkXMLUnstructuredGridWriter()
+        writer.SetFileName(str(tmp_path / "b.vtu"))
+        writer.SetInputData(grid)
+        writer.SetDataModeToAppended()
+        writer.EncodeAppendedDataOff()
+        writer.Write()
+        with pytest.raises(io.ReadError, match=r"holds an array of texts, .* save the surface as vtp"):
+            cn.read(tmp_path / "b.vtu")
 
 
 def test_volumes_are_refused(tmp_path):
