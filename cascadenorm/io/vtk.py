@@ -36,6 +36,7 @@ LZ4 = re.compile(rb"compressor\s*=\s*[\"']vtkLZ4DataCompressor")
 
 NORMALS_LINE = re.compile(rb"^NORMALS(?=[ \t]+\S+[ \t]+\w+[ \t]*\r?$)", re.M | re.I)
 TEXTURE_LINE = re.compile(rb"^TEXTURE_COORDINATES[ \t]+(\S+)[ \t]+(\d+)[ \t]+(\w+)[ \t]*\r?$", re.M | re.I)
+IDS_LINE = re.compile(rb"^(?:GLOBAL|PEDIGREE)_IDS[ \t]+(\S+)[ \t]+(\w+)[ \t]*\r?$", re.M | re.I)
 COLORS_LINE = re.compile(rb"^COLOR_SCALARS[ \t]+(\S+)[ \t]+(\d+)[ \t]*\r?$", re.M | re.I)
 TYPED_LINE = re.compile(
     rb"^((?:(?:SCALARS|VECTORS|TENSORS)[ \t]+\S+|POINTS[ \t]+\d+|\S+[ \t]+\d+[ \t]+\d+)[ \t]+)([a-z]\w*)"
@@ -180,6 +181,12 @@ class VtkFile(MeshioFile):
         """Return the version to write and the encoding of the file that was read."""
         return {**self.made_with, "binary": b"BINARY" in b"".join(self.data[:1000].splitlines()[2:3]).upper()}
 
+    def _load(self) -> Any:
+        grid = super()._load()
+        grid.point_data = {name: _writable(values) for name, values in grid.point_data.items()}
+        grid.cell_data = {name: list(map(_writable, blocks)) for name, blocks in grid.cell_data.items()}
+        return grid
+
     def _moved_pieces(self) -> Iterable[Piece]:
         return [with_title(b"".join(super()._moved_pieces()), self.data)]
 
@@ -192,9 +199,16 @@ class VtkFile(MeshioFile):
         data, color = self.data + b"\n", b"unsigned_char" if self._options()["binary"] else b"float"
         data = NORMALS_LINE.sub(b"VECTORS", data)
         data = TEXTURE_LINE.sub(rb"SCALARS \1 \3 \2\nLOOKUP_TABLE default", data)
+        data = IDS_LINE.sub(rb"SCALARS \1 \2 1\nLOOKUP_TABLE default", data)
         data = COLORS_LINE.sub(rb"SCALARS \1 " + color + rb" \2\nLOOKUP_TABLE default", data)
         data = _with_types(data, TO_MESHIO)
         return data if data[:100].splitlines()[0].rstrip().endswith(b"5.1") else _with_types(data, FROM_MESHIO)
+
+
+def _writable(values: NDArray[Any]) -> NDArray[Any]:
+    """Return an array as meshio writes it correctly: tensors as rows, and truth values as bytes."""
+    rows = values.reshape(len(values), -1) if values.ndim > 2 else values
+    return rows.astype(np.uint8) if rows.dtype == bool else rows
 
 
 class VtuFile(MeshioFile):

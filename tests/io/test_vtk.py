@@ -218,6 +218,43 @@ def test_grids_that_vtk_wrote_keep_arrays_of_all_types(version, binary, tmp_path
     np.testing.assert_allclose(found.point_data["colors"] * scale, grid.point_data["colors"], atol=0.01)
 
 
+@pytest.mark.parametrize("version", [42, 51])
+@pytest.mark.parametrize("binary", [True, False])
+def test_tensors_and_numbers_of_points_in_grids_of_vtk_are_kept(binary, version, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    vtk = pytest.importorskip("vtkmodules.vtkIOLegacy")
+    grid, count = pyvista.UnstructuredGrid({5: SHEET.faces}, SHEET.vertices), len(SHEET.vertices)
+    stress, numbers = np.arange(9.0 * count).reshape(count, 9), np.arange(count)[::-1].copy()
+    grid.point_data["stress"], grid.point_data["number"] = stress, numbers
+    grid.GetPointData().SetActiveScalars(None)
+    grid.GetPointData().SetActiveTensors("stress")
+    grid.GetPointData().SetGlobalIds(grid.GetPointData().GetArray("number"))
+    writer = vtk.vtkUnstructuredGridWriter()
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetInputData(grid)
+    writer.SetFileVersion(version)
+    writer.SetFileTypeToBinary() if binary else writer.SetFileTypeToASCII()
+    writer.Write()
+    data = (tmp_path / "a.vtk").read_bytes()
+    assert b"\nTENSORS stress" in data and b"\nGLOBAL_IDS number" in data
+    file = cn.read(tmp_path / "a.vtk")
+    assert file.content().vertex_values["number"].tolist() == numbers.tolist()
+    io.write(file.with_vertices(file.mesh.vertices + 1), tmp_path / "b.vtk")
+    for found in (pyvista.read(tmp_path / "b.vtk").point_data, meshio.read(tmp_path / "b.vtk").point_data):
+        np.testing.assert_allclose(np.reshape(found["stress"], (count, 9)), stress)
+        assert np.ravel(found["number"]).tolist() == numbers.tolist()
+
+
+def test_bits_in_a_grid_of_vtk_are_kept_as_bytes(tmp_path):
+    meshio.vtk.write(tmp_path / "a.vtk", sheet(), fmt_version="4.2", binary=False)
+    count = len(SHEET.vertices)
+    bits = f"POINT_DATA {count}\nSCALARS inside bit 1\nLOOKUP_TABLE default\n{' '.join('01' * (count // 2))}\n"
+    data = (tmp_path / "a.vtk").read_bytes()
+    file = read(data[: data.index(b"POINT_DATA")] + bits.encode(), "vtk")
+    again = read(written(file.with_vertices(file.mesh.vertices + 1)), "vtk")
+    assert again.content().vertex_values["inside"].tolist() == [0, 1] * (count // 2)
+
+
 @pytest.mark.parametrize("format", ["vtk", "vtu"])
 def test_texts_in_a_grid_are_refused_with_what_to_do(format, tmp_path):
     grid = pytest.importorskip("pyvista").UnstructuredGrid({5: SHEET.faces}, SHEET.vertices)
