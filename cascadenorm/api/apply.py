@@ -79,6 +79,12 @@ class Applied(NamedTuple):
         surfaces = seen if parts is None else parts.mesh
         return cls(vertices, seen, surfaces, exponent, order.places, denoised, other_triangles)
 
+    def seen_with(self, vertices: Vectors) -> Mesh:
+        """Return `seen` with other vertices, (n, 3), given in the order and the unit of the mesh."""
+        ordered = np.empty_like(vertices)
+        ordered[self.places] = vertices
+        return self.seen.moved(ordered)
+
     @property
     def removed(self) -> Vectors | None:
         """(n, 3) displacements from the mesh to `denoised`, in the order and the unit of the mesh."""

@@ -123,6 +123,12 @@ class Denoised(NamedTuple):
     summary: DenoisingSummary
     before: io.MeshFile
     after: io.MeshFile
+    applied: Applied
+
+    @property
+    def seen(self) -> tuple[Mesh, Mesh]:
+        """The mesh as the method received it, before and after. Faults are counted faster there than in poor orders."""
+        return self.applied.seen_with(self.before.mesh.vertices), self.applied.seen_with(self.after.mesh.vertices)
 
 
 class Opened(NamedTuple):
@@ -242,7 +248,8 @@ def written_file(
         dropped_faces=opened.dropped.faces if opened.dropped else 0,
         components=opened.dropped.among if opened.dropped else None,
     )
-    return Denoised(summary, file, moved)
+    applied.seen.forget_geometry()
+    return Denoised(summary, file, moved, applied)
 
 
 def detected_error(method: Method, applied: Applied, parameters: dict[str, Any]) -> dict[str, Any]:

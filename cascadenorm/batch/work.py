@@ -171,7 +171,7 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
         digest = task.digest or file_and_buffers_digest(source)
         make_folder(output.parent)
         try:
-            summary, _, after = api.denoise_file_with_meshes(
+            denoised = api.denoise_file_with_meshes(
                 source,
                 output,
                 method=settings.method,
@@ -187,7 +187,8 @@ def _denoised(settings: BatchSettings, task: Task, start: float) -> Outcome:
             output.unlink(missing_ok=True)
             raise ChangedError(f"{job.source} changed while it was read", hint="try again when it is complete")
         written = file_and_buffers_digest(output)
-        copies = copies_beside(copied_names(after, output), source, output)
+        copies = copies_beside(copied_names(denoised.after, output), source, output)
+        summary = denoised.summary
         left_out = summary.left_out
         if is_url(job.output):
             _check_target(settings, task)

@@ -113,8 +113,8 @@ def report_denoised(
     output: str | PathLike[str], denoised: Denoised, *, truth: Any = None, force: bool = False
 ) -> Contents:
     """Write a report on the result of `denoise_file_with_meshes`."""
-    summary, before, after = denoised
-    shown = Given("before", summary.source, before), Given("after", summary.output, after)
+    summary = denoised.summary
+    shown = Given("before", summary.source, denoised.before), Given("after", summary.output, denoised.after)
     return report(output, *shown, truth=truth, summary=summary, force=force)
 
 

@@ -113,14 +113,14 @@ def denoise(
         reports.report_denoised(report, denoised, truth=true_mesh, force=force)
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
-    meshes = denoised.before.mesh, denoised.after.mesh
     if as_json:
-        json_output.print_json("denoise", {**asdict(done), **json_output.faults_json(*meshes)}, file=out)
+        faults = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
+        json_output.print_json("denoise", {**asdict(done), **faults}, file=out)
     else:
         tables.print_denoised(done, file=out)
         if controls["volume"] == "keep" and not encloses_volume(denoised.before.mesh):
             notify("--keep-volume had no effect: no component of the mesh is closed")
-        tables.print_new_faults(new_faults(*meshes))
+        tables.print_new_faults(new_faults(*denoised.seen))
         if report is not None:
             print(f"report: {report}", file=out)
 
