@@ -37,7 +37,7 @@ def recover_vertices(
     foldovers: Foldovers = "avoid",
     movable: NDArray[np.bool_] | None = None,
 ) -> Vectors:
-    """Move vertices until the faces have the given normals, by Gauss-Seidel sweeps.
+    """Move vertices until the faces have the given normals, (m, 3) unit vectors, by Gauss-Seidel sweeps.
 
     The sweeps minimise Σ_f Σ_k s_fk <n_f, e_fk>² with the three sides e_fk of each face and their weights s_fk from
     `side_weights`. A step is x_i += ω Σ_f (s_fj <n_f, x_j - x_i> + s_fk <n_f, x_k - x_i>) n_f / Σ_f (s_fj + s_fk) with
@@ -50,27 +50,9 @@ def recover_vertices(
 
     Unless foldovers are ignored, as published, a step that would flip a face against its normal is shortened. Vertices
     of a face that is already flipped are pulled toward the mean of their neighbours until it has the right orientation.
-
-    Each sweep updates one group of vertices that share no face after the other.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices and m faces.
-    normals
-        (m, 3) unit vectors. A face with a zero row has no influence.
-    sweeps
-        Number of sweeps.
-    weighting
-        Weights of the sides.
-    foldovers
-        Whether steps that flip faces are avoided.
-    movable
-        (n,) vertices that may move. None selects all.
-
-    Returns
-    -------
-    (n, 3) vertices. Those without a face do not move.
+    Each sweep updates one group of vertices that share no face after the other. Only `movable` vertices, (n,), move;
+    None selects all. A face whose normal is a zero row has no influence, and a vertex without a face does not move.
+    Returns (n, 3) vertices.
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors
@@ -222,23 +204,12 @@ def fit_vertices(
 def least_squares_vertices(mesh: Mesh, normals: Vectors, *, weights: Floats, attachment: float = ATTACHMENT) -> Vectors:
     """Minimise Σ_f Σ_k s_fk <n_f, e_fk>² + μ Σ_i W_i |x_i - x⁰_i|² by one sparse solve.
 
-    e_fk are the sides of each face and s_fk their weights. Without the second term, the sweeps of `recover_vertices`
-    come to the same minimum. This is the least-squares system of Taubin (2001), which Sun et al. (2007) and Zheng et
-    al. (2011) solve by descent. W_i is the sum of the weights of the sides at a vertex, face by face. The attachment μ
-    makes the solution unique. Faces may flip.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices and m faces.
-    normals
-        (m, 3) unit vectors. A face with a zero row has no influence.
-    weights
-        (m, 3) weights of the sides opposite each corner, as of `side_weights`.
-
-    Returns
-    -------
-    (n, 3) vertices. Those without a face do not move.
+    n_f are the given unit normals, (m, 3); a face with a zero row has no influence. e_fk are the sides opposite the
+    corners of each face and s_fk their weights, (m, 3), as of `side_weights`. Without the second term, the sweeps of
+    `recover_vertices` come to the same minimum. This is the least-squares system of Taubin (2001), which Sun et al.
+    (2007) and Zheng et al. (2011) solve by descent. W_i is the sum of the weights of the sides at a vertex, face by
+    face. The attachment μ makes the solution unique. Faces may flip. Returns (n, 3) vertices; those without a face do
+    not move.
     """
     count = len(mesh.vertices)
     around = np.roll(weights, 1, axis=1) + np.roll(weights, 2, axis=1)  # sums of the two sides at each corner

@@ -48,22 +48,11 @@ def is_wide(mesh: Mesh, width: float) -> bool:
 
 
 def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Move the vertices at folded edges to the mean of themselves and their neighbours, for at most UNFOLDING_ROUNDS.
+    """Move new vertices, (n, 3), of the input mesh at folded edges to the mean of themselves and their neighbours.
 
     Where steps are closer to each other than the edges of a copy, all of their vertices are carried over from the same
-    place. Vertices on the boundary do not move, and edges stay that are sharper than those of steps in the input: they
-    belong to thin sheets, or join faces of opposite orientation.
-
-    Parameters
-    ----------
-    mesh
-        Input mesh with n vertices.
-    vertices
-        (n, 3) new vertices.
-
-    Returns
-    -------
-    (n, 3) vertices.
+    place. There are at most UNFOLDING_ROUNDS rounds. Vertices on the boundary do not move, and edges stay that are
+    sharper than those of steps in the input: they belong to thin sheets, or join faces of opposite orientation.
     """
     topology, pairs = mesh.topology, mesh.topology.face_pairs
     pairs = pairs[pair_products(mesh.face_normals, pairs) >= BLADE_COSINE]

@@ -107,20 +107,9 @@ def angles_between(ours: Vectors, theirs: Vectors, *, undefined: float | None = 
 
 
 def scatter_add(index: NDArray[np.integer[Any]], values: NDArray[Any], length: int) -> Floats:
-    """Sum rows by index: out[index[i]] += values[i].
+    """Sum rows of values, (k, …), by index, (k,): out[index[i]] += values[i].
 
-    Parameters
-    ----------
-    index
-        (k,) integers in 0 … length - 1.
-    values
-        (k, …) numbers.
-    length
-        Number of rows of the result.
-
-    Returns
-    -------
-    (length, …) float64; zero for rows without an index.
+    The indices are within 0 … length - 1. Returns (length, …) float64; zero for rows without an index.
     """
     columns = math.prod(values.shape[1:])
     values = np.ascontiguousarray(values, np.result_type(values, np.float32))

@@ -139,15 +139,6 @@ class KernelFiles(IndexDataCacheFile):  # type: ignore[misc]
     numba considers a kernel unchanged as long as its own source file is unchanged, even if the kernels that it calls
     have changed. Here a digest of all their sources decides. It is computed when a kernel is first called, because
     modules are still incomplete when the kernel is defined.
-
-    Parameters
-    ----------
-    cache_path
-        Folder of the files.
-    filename_base
-        Prefix of their names.
-    digest
-        Function that returns a digest of the sources.
     """
 
     def __init__(self, cache_path: str, filename_base: str, digest: Callable[[], object]) -> None:

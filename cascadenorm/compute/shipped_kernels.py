@@ -29,14 +29,8 @@ PROCESSORS: dict[str, tuple[str, frozenset[str]]] = {
 def shipped_file(function: Callable[..., Any], signature: object, target: tuple[str, str, str]) -> Path | None:
     """Return the file of a shipped kernel, whether it exists or not; None if its processor is not supported.
 
-    Parameters
-    ----------
-    function
-        Python function of the kernel.
-    signature
-        Types of the arguments in numba's notation.
-    target
-        Triple, processor and features that numba compiles for.
+    The signature has the types of the arguments in numba's notation; the target is the triple, the processor and the
+    features that numba compiles for.
     """
     triple, processor, features = target
     shipped = shipped_processor(triple, processor, features)

@@ -26,18 +26,11 @@ _pool = _Pool()
 
 
 def on_threads(threads: int, count: int, task: Callable[[int], Result]) -> list[Result]:
-    """Call task(0) … task(count - 1) on the calling thread and up to threads - 1 others.
+    """Call task(0) … task(count - 1) on the calling thread and up to threads - 1 others; return the results in order.
 
     Each thread takes the next number when it has finished the last one. The calling thread works too, so nested calls
-    and calls while all threads are busy still finish. After an error, no further number is taken.
-
-    Returns
-    -------
-    Results of the calls, in order.
-
-    Raises
-    ------
-    The error of the failing call with the lowest number.
+    and calls while all threads are busy still finish. After an error, no further number is taken, and the error of the
+    failing call with the lowest number is raised.
     """
     if min(threads, count) <= 1:
         return [task(number) for number in range(count)]

@@ -107,11 +107,7 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
     """Call run(start, stop, *arguments) in parallel on ranges that cover 0 … count.
 
     The ranges have about the same size. Each has at least `smallest` indices unless there are fewer in all; None
-    selects SMALLEST_CHUNK.
-
-    Returns
-    -------
-    Results of the calls, in the order of the ranges.
+    selects SMALLEST_CHUNK. Returns the results of the calls, in the order of the ranges.
     """
     threads = thread_count()
     most = threads * CHUNKS_PER_THREAD if threads > 1 else 1
@@ -122,21 +118,11 @@ def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest:
 
 
 def in_blocks(count: int, run: Callable[[int, int], NDArray[Any]]) -> NDArray[Any]:
-    """Call run(start, stop) in parallel on blocks of 0 … count that do not depend on the number of threads.
+    """Call run(start, stop) in parallel on blocks of 0 … count, and return their rows, (count, …).
 
-    Use this for operations such as matrix products, whose rounding may depend on the shape. All blocks have about the
-    same size, at most BLOCK, since BLAS rounds small matrices differently. Each block runs with one thread.
-
-    Parameters
-    ----------
-    count
-        Number of rows.
-    run
-        Returns stop - start rows; run(0, 0) is called if there are none.
-
-    Returns
-    -------
-    (count, …) rows of all blocks.
+    `run` returns stop - start rows; run(0, 0) is called if there are none. The blocks do not depend on the number of
+    threads. Use this for operations such as matrix products, whose rounding may depend on the shape. All blocks have
+    about the same size, at most BLOCK, since BLAS rounds small matrices differently. Each block runs with one thread.
     """
     first, out = Lock(), list[NDArray[Any]]()
     blocks = max(-(-count // BLOCK), 1)

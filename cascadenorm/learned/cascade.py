@@ -69,13 +69,7 @@ class Cascade:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Cascade":
-        """Read a weights file.
-
-        Raises
-        ------
-        ParameterError
-            The file is missing, or is not a cascade of a known format.
-        """
+        """Read a weights file; raise ParameterError if it is missing, or is not a cascade of a known format."""
         header, tensors = unpacked(path)
         if header.get("format") not in CASCADE_FORMATS:
             raise ParameterError(
@@ -85,17 +79,9 @@ class Cascade:
 
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], tensors: Arrays, source: str) -> "Cascade":
-        """Rebuild a cascade from its header and its arrays.
+        """Rebuild a cascade from its header and its arrays; messages name the file `source`.
 
-        Parameters
-        ----------
-        source
-            Name of the file for messages.
-
-        Raises
-        ------
-        ParameterError
-            The cascade has settings that this version does not support, or an array is missing.
+        Raises ParameterError if the cascade has settings that this version does not support, or an array is missing.
         """
         stages = []
         for s, stage in enumerate(header["stages"]):

@@ -142,10 +142,7 @@ def read_config(path: str | PathLike[str]) -> TrainConfig:
 def settings_from(base: Config, table: Mapping[str, Any], *, prefix: str = "") -> Config:
     """Return settings, a dataclass, with changes from nested tables.
 
-    Raises
-    ------
-    ConfigError
-        A key is unknown, or a value has the wrong type.
+    Raises ConfigError if a key is unknown, or a value has the wrong type.
     """
     return replace(base, **_changes(type(base), base, table, prefix))  # type: ignore[type-var]  # always a dataclass
 

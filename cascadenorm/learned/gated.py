@@ -113,10 +113,7 @@ def _under(tensors: Arrays, part: str) -> Arrays:
 def read_model(path: str | PathLike[str]) -> Cascade | GatedCascades:
     """Read a weights file with one cascade, or with two and a gate.
 
-    Raises
-    ------
-    ParameterError
-        The file is missing, or holds no model for the filters of this version.
+    Raises ParameterError if the file is missing, or holds no model for the filters of this version.
     """
     header, tensors = unpacked(path)
     if header.get("format") not in GATED_FORMATS:

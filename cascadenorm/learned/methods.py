@@ -142,15 +142,7 @@ class MeshTreatment:
 
 
 def mesh_treatment(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> MeshTreatment | None:
-    """Return how `auto` treats a mesh, or None for a model without a gate.
-
-    Parameters
-    ----------
-    mesh
-        Mesh without repeated faces.
-    model, treat_as
-        As for `auto`.
-    """
+    """Return how `auto` treats a mesh without repeated faces, or None for a model without a gate."""
     network = loaded(model, "auto")
     if not isinstance(network, GatedCascades):
         return None

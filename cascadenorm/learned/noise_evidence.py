@@ -29,14 +29,9 @@ def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:
 def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     """Return how strongly the angles around each vertex indicate noise, (n,) from 0 to 1.
 
-    It is 1 on components with a mean angle above LITTLE. Otherwise it depends on the mean of the angles a around the
-    vertex and on their evenness, (mean √a)⁴ / (mean a)², which is 1 if they are equal and tends to 0 if few of them are
-    large.
-
-    Parameters
-    ----------
-    angles
-        (m,) angles in radians by which the first stage turns the faces, see `turning_angles`.
+    The angles in radians, (m,), are those by which the first stage turns the faces, see `turning_angles`. The result is
+    1 on components with a mean angle above LITTLE. Otherwise it depends on the mean of the angles a around the vertex
+    and on their evenness, (mean √a)⁴ / (mean a)², which is 1 if they are equal and tends to 0 if few of them are large.
     """
     topology = mesh.topology
     components = topology.face_components

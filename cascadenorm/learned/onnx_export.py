@@ -29,11 +29,6 @@ def stage_model(stage: Regression) -> bytes:
     The inputs are float32: stack (m, k, 3), the filtered normals of m faces (`stage_stack`, `unpacked`), and, if the
     stage has context features, context (m, c), the columns of `FeatureScaler.context`. The output is normals (m, 3),
     float32 unit vectors; where the weighted sum vanishes, the first filtered normal. m is a dynamic dimension.
-
-    Raises
-    ------
-    MissingDependencyError
-        The package onnx is not installed.
     """
     graph = _Graph()
     features = _features(graph, stage)

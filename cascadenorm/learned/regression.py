@@ -59,21 +59,11 @@ class Regression:
         )
 
     def normals(self, mesh: Mesh, stack: PackedNormals, sums: ComponentSums | None = None) -> Vectors:
-        """Regress the true normal of each face.
+        """Regress the true normal of each face of a mesh after the previous stage, (m, 3) float64 unit vectors.
 
-        Parameters
-        ----------
-        mesh
-            Mesh with m faces after the previous stage.
-        stack
-            (m, k, 3) result of `stage_stack` for this mesh.
-        sums
-            Sums over the connected components of the larger mesh of which this one is a part, from
-            `FeatureScaler.sums`. Computed from `mesh` if None.
-
-        Returns
-        -------
-        (m, 3) float64 unit normals. Where the weighted sum vanishes, the first filtered normal is returned.
+        The stack, (m, k, 3), is the result of `stage_stack` for this mesh. The sums over connected components, from
+        `FeatureScaler.sums`, are those of a larger mesh of which this one is a part; None computes them from the mesh.
+        Where the weighted sum vanishes, the first filtered normal is returned.
         """
         return unit(self._all_sums(mesh, stack, sums), otherwise=unpacked(stack[:, :1])[:, 0])
 

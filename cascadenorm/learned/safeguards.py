@@ -22,23 +22,10 @@ FACE_HEIGHTS = 4.0
 
 
 def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) -> Vectors:
-    """Return vertices whose displacements are limited to the bounds.
+    """Return denoised vertices, (n, 3), whose displacements from the input mesh are limited to the bounds.
 
-    No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input. On
-    measured surfaces no edge folds either (see `without_flips`).
-
-    Parameters
-    ----------
-    mesh
-        Input mesh with n vertices.
-    vertices
-        (n, 3) denoised vertices.
-    measured
-        (m,) faces of measured surfaces. None selects no face.
-
-    Returns
-    -------
-    (n, 3) limited vertices.
+    No vertex moves farther than `displacement_bounds`, and no face flips, except to undo foldovers in the input. On the
+    `measured` surfaces, (m,) faces or by default none, no edge folds either (see `without_flips`).
     """
     patching = active_patching(mesh)
     if patching is None:
@@ -66,23 +53,12 @@ def within_bounds(mesh: Mesh, vertices: Vectors, unestimated: Bools | None = Non
 
 
 def displacement_bounds(mesh: Mesh, unestimated: Bools | None = None) -> Floats:
-    """Return the largest displacement allowed at each vertex.
+    """Return the largest displacement allowed at each vertex, (n,) in mesh units; 0 for vertices without a face.
 
     The bound is the smaller of NOISE_FACTOR times the noise estimated around the vertex (see `chord_noise`) and
-    FACE_HEIGHTS times the height of its tallest face. Only the height counts where there is no estimate: on the
-    components of `components_without_estimate`, and around vertices without an edge between two faces.
-
-    Parameters
-    ----------
-    mesh
-        Mesh with n vertices.
-    unestimated
-        (c,) components without an estimate, as determined for the mesh this one is a part of. Computed from `mesh` if
-        None.
-
-    Returns
-    -------
-    (n,) lengths in mesh units; 0 for vertices without a face.
+    FACE_HEIGHTS times the height of its tallest face. Only the height counts where there is no estimate: around
+    vertices without an edge between two faces, and on the `unestimated` components, (c,), which are those of
+    `components_without_estimate` for a larger mesh that this one is a part of. None computes them from the mesh.
     """
     tallest = np.zeros(len(mesh.vertices))
     np.maximum.at(tallest, mesh.faces.ravel(), np.repeat(mesh.heights, 3))

@@ -24,21 +24,7 @@ FACTS = ("mean_edge_length", "median_area")
 
 
 def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:
-    """Regress the true normal of each face.
-
-    Parameters
-    ----------
-    stage
-        Regression to apply.
-    mesh
-        Mesh with m faces after the previous stage.
-    noisy
-        The same mesh before the first stage.
-
-    Returns
-    -------
-    (m, 3) unit normals.
-    """
+    """Regress the true normals of a mesh after the previous stage, (m, 3); `noisy` is the mesh before all stages."""
     patching = active_patching(mesh)
     if patching is None:
         stack = stage_stack(stage.settings, mesh, noisy)

@@ -27,27 +27,14 @@ QUADRIC_SHARES = 0.7, 0.3
 
 
 def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Vectors:
-    """Return the vertices after a bilateral filter of the measured surfaces.
+    """Return vertices, (n, 3), after a bilateral filter of the measured surfaces, (m,) faces of whole components.
 
-    The network leaves some noise there, since its training data contain detail of the same size. One pass over its
-    result removes most of it. On sheets with little noise, as from laser scanners, such a pass removes detail. There,
-    the normals of the result are averaged with those of the input after `bilateral-normal`, whose errors differ from
-    those of the network. Errors of scanners are larger at the boundary of a view, where normals of fitted quadrics take
-    part. A filter alone would flatten the surface, which often curves away there. Components that the network hardly
-    turns are not filtered.
-
-    Parameters
-    ----------
-    mesh
-        Input mesh with n vertices and m faces.
-    vertices
-        (n, 3) vertices after the cascade.
-    measured
-        (m,) faces of measured surfaces, whole components.
-
-    Returns
-    -------
-    (n, 3) vertices.
+    `mesh` is the input mesh, and `vertices`, (n, 3), are those after the cascade. The network leaves some noise on
+    measured surfaces, since its training data contain detail of the same size. One pass over its result removes most of
+    it. On sheets with little noise, as from laser scanners, such a pass removes detail. There, the normals of the
+    result are averaged with those of the input after `bilateral-normal`, whose errors differ from those of the network.
+    Errors of scanners are larger at the boundary of a view, where normals of fitted quadrics take part. A filter alone
+    would flatten the surface, which often curves away there. Components that the network hardly turns are not filtered.
     """
     if not measured.any():
         return vertices

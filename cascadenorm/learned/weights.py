@@ -27,10 +27,7 @@ def packed(header: Mapping[str, Any], tensors: Arrays) -> bytes:
 def unpacked(path: str | PathLike[str]) -> tuple[dict[str, Any], Arrays]:
     """Read the header and the arrays of a weights file. The arrays are read-only, since callers share the model.
 
-    Raises
-    ------
-    ParameterError
-        The file is missing, cannot be read, or is not a weights file.
+    Raises ParameterError if the file is missing, cannot be read, or is not a weights file.
     """
     try:
         with open(path, "rb"), safe_open(fspath(path), framework="numpy") as file:  # open explains what is no file

@@ -89,15 +89,8 @@ def trained_gate(
 ) -> GatedCascades:
     """Train a gate that chooses the better of two networks for a mesh, and combine them with it.
 
-    Parameters
-    ----------
-    progress
-        Called as meshes are compared.
-
-    Returns
-    -------
-    The model. Its card has, for each family, the mean angles of both networks, of the gate's choice in
-    cross-validation, and of the better network.
+    The card of the model has, for each family, the mean angles of both networks, of the gate's choice in
+    cross-validation, and of the better network. `progress` is called as meshes are compared.
     """
     rows: list[Compared] = []
     with parallel_map(thread_count()) as each:

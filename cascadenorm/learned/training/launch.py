@@ -8,10 +8,7 @@ from cascadenorm.learned.config import ConfigError
 def is_single_process() -> bool:
     """Whether this process is the only one, even if a scheduler has set its rank.
 
-    Raises
-    ------
-    ConfigError
-        There are several processes that were not started by torchrun.
+    Raises ConfigError if there are several processes that were not started by torchrun.
     """
     if os.environ.get("WORLD_SIZE", "1") == "1":
         return True

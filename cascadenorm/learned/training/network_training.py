@@ -81,29 +81,12 @@ def train_network(
 ) -> dict[str, Array]:
     """Train a network on 85 % of some faces with early stopping on the other 15 %, and return the best weights.
 
-    Several processes average their gradients. Each contributes to a batch in proportion to its number of faces.
-
-    Parameters
-    ----------
-    faces
-        Faces of all clusters on this process.
-    rows
-        Rows of the faces of one cluster. At least one process has some.
-    scaler
-        Scaler of their features.
-    fit
-        Training settings.
-    activation
-        Activation of the hidden layers.
-    seed
-        Seed of the split, the initial weights and the order of the batches.
-    log
-        Called after each epoch with its number from 1, the training loss, the validation loss, and the mean validation
-        angle in degrees.
-
-    Returns
-    -------
-    weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation (), the loss on the 15 %.
+    `faces` are those of all clusters on this process, `rows` those of one cluster, and the scaler is that of their
+    features. At least one process has some. Several processes average their gradients. Each contributes to a batch in
+    proportion to its number of faces. The seed determines the split, the initial weights and the order of the batches.
+    `log` is called after each epoch with its number from 1, the training loss, the validation loss, and the mean
+    validation angle in degrees. Returns weight1 (d, h), bias1 (h,) and so on up to the k coefficients, and validation
+    (), the loss on the 15 %.
     """
     generator = torch.Generator().manual_seed(seed)
     device, stored = distributed.device(), faces.stack.device

@@ -53,28 +53,12 @@ def train_cascade(
 ) -> Cascade:
     """Train a cascade. An interrupted training resumes and gives byte-identical results.
 
-    Several processes started by torchrun share the meshes and return the same cascade. Rank 0 writes.
-
-    Parameters
-    ----------
-    config
-        Training configuration.
-    checkpoint
-        Folder for finished parts. It is created if needed, and may hold an interrupted training with the same config.
-    own
-        Additional training pairs beside the generated ones.
-    generated
-        Folder for the generated pairs. Trainings with the same `config.data` can share it. Default: a folder in
-        `checkpoint`.
-    progress
-        Called when parts finish.
-    record
-        Called after each epoch of a network. Several clusters call it from several threads.
-
-    Raises
-    ------
-    ConfigError
-        The folder holds a training with another config or other pairs, or there are fewer meshes than processes.
+    Several processes started by torchrun share the meshes and return the same cascade. Rank 0 writes. The folder
+    `checkpoint` holds finished parts; it is created if needed. `own` are training pairs beside the generated ones. The
+    generated pairs are kept in the folder `generated`, which trainings with the same `config.data` can share; by
+    default, it lies in `checkpoint`. `progress` is called when parts finish, and `record` after each epoch of a
+    network, with several clusters from several threads. Raises ConfigError if the folder holds a training with another
+    config or other pairs, or there are fewer meshes than processes.
     """
     with distributed.process_group(), _one_thread_each():
         progress, record = (progress, record) if is_main() else (no_progress, unrecorded)
@@ -233,21 +217,11 @@ def _described(
 
 
 def informative_pairs(stack: Stack, truth: Array, count: int) -> Ints32:
-    """Return the pairs of filtered normals whose angles show best how far each filtered normal is from the true one.
+    """Return the pairs of filtered normals, (count, 2) in row order, that best show the error of each filtered normal.
 
-    The pairs are chosen one after the other (orthogonal least squares, Chen, Billings, Luo 1989). Each is the one that
-    explains most of the variance of the features of filtered and true normals that the pairs before it leave.
-
-    Parameters
-    ----------
-    stack, truth
-        (m, k, 3) filtered and (m, 3) true normals.
-    count
-        Number of pairs.
-
-    Returns
-    -------
-    (count, 2) pairs, in row order.
+    The stack, (m, k, 3), has the filtered normals, and `truth`, (m, 3), the true ones. The pairs are chosen one after
+    the other (orthogonal least squares, Chen, Billings, Luo 1989). Each is the one that explains most of the variance
+    of the features of filtered and true normals that the pairs before it leave.
     """
     pairs, last = all_pairs(stack.shape[1] + 1), stack.shape[1]
     features = pairwise_features(np.concatenate([stack, truth[:, None]], axis=1), pairs)

@@ -35,21 +35,10 @@ def unrecorded(done: Pass) -> None:
 
 @contextmanager
 def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> Iterator[Recorder]:
-    """Record epochs in a log file, as soon as each one finishes, and for TensorBoard.
+    """Record epochs in a log file, as soon as each one finishes, and in a folder of TensorBoard events.
 
-    Parameters
-    ----------
-    log
-        File with an extension in LOG_EXTENSIONS, in a folder that exists. None writes no file.
-    tensorboard
-        Folder for TensorBoard events. None writes none.
-    resumed
-        Whether to append to the file of an interrupted training instead of starting a new one.
-
-    Raises
-    ------
-    MissingDependencyError
-        TensorBoard is not installed.
+    The log file has an extension in LOG_EXTENSIONS, and its folder exists. A resumed training appends to it. None
+    writes no file or no events. Raises MissingDependencyError if TensorBoard is needed and not installed.
     """
     recorders: list[Recorder] = []
     lock = Lock()
@@ -78,10 +67,7 @@ def checked_log(log: Path) -> Path:
 def read_passes(log: Path) -> list[Pass]:
     """Read a log file, in order. If an epoch was repeated after an interruption, the last record counts.
 
-    Raises
-    ------
-    ReadError
-        The file is not a training log or cannot be read.
+    Raises ReadError if the file is not a training log or cannot be read.
     """
     try:
         text = checked_log(log).read_text(encoding="utf-8")
