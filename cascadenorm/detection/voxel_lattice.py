@@ -5,8 +5,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Ints, Mesh, Vectors, kernel, parallel_for, scatter_add
-from cascadenorm.mesh.vectors import Vector, row
+from cascadenorm.mesh import Ints, Mesh, Vectors, scatter_add
 
 VoxelLattice = NDArray[np.float64]  # (3, 3), the edge vectors of a voxel as rows
 
@@ -76,29 +75,12 @@ def _distinct_edges(mesh: Mesh, edge: float) -> Vectors | None:
 def _keys(vectors: Vectors, size: float) -> tuple[Ints, Ints]:
     """Round vectors, (n, 3), to multiples of a size and encode each as an integer, equal for opposite vectors.
 
-    Returns (n,) keys, ordered as the coordinates, and the (n, 1) sign that maps each vector to the one of its key.
+    Returns (n,) keys, ordered as the coordinates, and the (n, 1) sign that maps each vector to the one of its key. It
+    is the sign of the first nonzero coordinate.
     """
-    keys, sign = np.empty(len(vectors), np.int64), np.empty((len(vectors), 1), np.int64)
-    parallel_for(len(vectors), _key_range, np.ascontiguousarray(vectors), size, keys, sign)
-    return keys, sign
-
-
-@kernel
-def _key(vector: Vector, size: float) -> tuple[int, int]:
-    """Return the key of a vector and its sign, which is the sign of its first nonzero coordinate."""
-    key = sign = 0
-    for d in range(3):
-        cell = int(np.rint(min(max(vector[d] / size, -MOST_MULTIPLES), MOST_MULTIPLES)))
-        if sign == 0:
-            sign = int(np.sign(cell))
-        key = key * (1 << 21) + cell * sign
-    return key, sign
-
-
-@kernel
-def _key_range(start: int, stop: int, vectors: Vectors, size: float, keys: Ints, sign: Ints) -> None:
-    for i in range(start, stop):
-        keys[i], sign[i, 0] = _key(row(vectors, i), size)
+    cells = np.rint(np.clip(vectors / size, -MOST_MULTIPLES, MOST_MULTIPLES)).astype(np.int64)
+    sign = np.sign(np.take_along_axis(cells, (cells != 0).argmax(axis=1)[:, None], axis=1))
+    return (cells * sign) @ np.array([1 << 42, 1 << 21, 1]), sign
 
 
 def _different(vectors: Vectors, edge: float) -> Vectors:

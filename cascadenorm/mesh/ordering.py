@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Floats, Ints, Ints32, Vectors
+from cascadenorm.compute.arrays import Ints, Ints32, Vectors
 from cascadenorm.compute.csr import Csr
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
@@ -93,28 +93,11 @@ def morton_codes(points: Vectors) -> NDArray[np.uint64]:
     """Return (n,) Morton codes of points, which interleave the bits of coordinates; outliers count as at the border."""
     lower, upper = np.quantile(points, [OUTLIER_VERTICES, 1 - OUTLIER_VERTICES], axis=0)
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
-    codes = np.empty(len(points), np.uint64)
-    parallel_for(len(points), _code_range, points, lower, size, codes)
-    return codes
-
-
-@kernel
-def _code_range(start: int, stop: int, points: Vectors, lower: Floats, size: float, codes: NDArray[np.uint64]) -> None:
-    """Write the Morton codes of points."""
-    for i in range(start, stop):
-        code = np.uint64(0)
-        for axis in range(3):
-            share = min(max((points[i, axis] - lower[axis]) / size, 0.0), 1.0)
-            code |= _spread(np.uint64(share * (2**BITS - 1))) << np.uint64(axis)
-        codes[i] = code
-
-
-@kernel
-def _spread(number: np.uint64) -> np.uint64:
-    """Insert two zeros above each of the BITS lowest bits."""
+    codes = (np.clip((points - lower) / size, 0, 1) * (2**BITS - 1)).astype(np.uint64)
     for shift, mask in SPREADS:
-        number = (number | (number << shift)) & mask
-    return number
+        codes = (codes | (codes << shift)) & mask
+    x, y, z = codes.T
+    return np.asarray(x | (y << np.uint64(1)) | (z << np.uint64(2)))
 
 
 @kernel
