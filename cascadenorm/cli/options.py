@@ -1,4 +1,4 @@
-"""Options of the command line; options for controls are generated from their declarations."""
+"""The root of the command line and options of its commands; those of controls are generated from declarations."""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -9,6 +9,24 @@ from typing import Annotated, Any
 import typer
 
 from cascadenorm.registry.controls import CONTROLS, ControlSetting
+
+app = typer.Typer(
+    name="cascadenorm",
+    help="Denoise triangle meshes by cascaded normal regression, or by one of the classical methods.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback(invoke_without_command=True)
+def options(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    """Denoise triangle meshes by cascaded normal regression or by a classical method."""
+    if version:
+        from cascadenorm.version import __version__
+
+        print(f"cascadenorm {__version__}")
+        raise typer.Exit
+
 
 MethodOption = Annotated[str, typer.Option(metavar="NAME", help="Denoising method; `cascadenorm methods` lists all.")]
 ModelOption = Annotated[

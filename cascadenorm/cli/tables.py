@@ -1,4 +1,4 @@
-"""Print results as text and tables."""
+"""Print results as text, as tables and as JSON."""
 
 import math
 import sys
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from textwrap import indent
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from cascadenorm.cli.errors import notify
 from cascadenorm.cli.options import CONTROL_OPTIONS
@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # imported for type checking only, because each command would
     from cascadenorm.evaluation.harness import Evaluation
     from cascadenorm.geometry.metrics import Measures
     from cascadenorm.learned.training.training_log import Pass
+    from cascadenorm.mesh import Mesh
     from cascadenorm.registry import Method, Setting
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -33,6 +34,8 @@ MOST_NAMED_FILES = 3
 """Maximum number of skipped files that are listed by name."""
 PLAIN_WIDTH = 120
 """Width of a table in characters if the output is not a terminal."""
+SCHEMA_VERSION = 1
+"""Version of the schema; it changes if a key is renamed, removed or redefined, but not if one is added."""
 
 
 def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
@@ -304,3 +307,36 @@ def _print_table(
         else:
             table.add_row(*row)
     Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, markup=False, emoji=False).print(table)
+
+
+def print_json(command: str, content: Mapping[str, Any], *, file: TextIO | None = None) -> None:
+    """Print the JSON object of a command to stdout or another file, as specified in docs/json.md."""
+    from cascadenorm.io.json_text import json_text
+
+    print(json_text({"version": SCHEMA_VERSION, "command": command, **content}, indent=2), file=file)
+
+
+def faults_json(before: "Mesh", after: "Mesh") -> dict[str, Any]:
+    """Return the numbers of intersecting faces, spikes and folded edges before and after denoising."""
+    from cascadenorm.api.inspection.inspection import surface_faults
+
+    first, last = surface_faults(before), surface_faults(after)
+    return {name: {"before": first[name], "after": last[name]} for name in first}
+
+
+def method_json(method: "Method") -> dict[str, Any]:
+    return {
+        "name": method.name,
+        "summary": method.summary,
+        "source": method.source,
+        "parameters": [
+            {
+                "name": setting.name,
+                "default": setting.default,
+                "unit": setting.about.unit,
+                "allowed": allowed_values(setting),
+                "help": setting.about.help,
+            }
+            for setting in method.given_by_name
+        ],
+    }

@@ -4,7 +4,7 @@ Each command parses its options, calls one public function and prints the result
 progress to stderr. Each command imports what it needs when it is called, so that the command line starts quickly.
 """
 
-from cascadenorm.cli.app import app
+from cascadenorm.cli.options import app
 
 # isort: split
 from cascadenorm.cli.commands import denoising  # noqa: F401 - it adds itself, first in the help

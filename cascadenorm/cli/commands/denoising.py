@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, located, notify, warn_of_strength, worded
 from cascadenorm.cli.options import (
     Force,
@@ -17,6 +16,7 @@ from cascadenorm.cli.options import (
     ReportFile,
     Scheduler,
     Set,
+    app,
     control_options,
     parameter_values,
 )
@@ -77,7 +77,7 @@ def denoise(
     from cascadenorm.api import api
     from cascadenorm.api.apply import encloses_volume
     from cascadenorm.api.inspection.inspection import new_faults
-    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.cli import progress_bars, tables
 
     target: Any = output if output is not None else ("-" if source == "-" else None)
     if as_json and target == "-":
@@ -114,8 +114,8 @@ def denoise(
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
-        faults = json_output.faults_json(denoised.before.mesh, denoised.after.mesh)
-        json_output.print_json("denoise", {**asdict(done), **faults}, file=out)
+        faults = tables.faults_json(denoised.before.mesh, denoised.after.mesh)
+        tables.print_json("denoise", {**asdict(done), **faults}, file=out)
     else:
         tables.print_denoised(done, file=out)
         if controls["volume"] == "keep" and not encloses_volume(denoised.before.mesh):
@@ -184,7 +184,7 @@ def batch(
 ) -> None:
     """Denoise many files into a folder. Files already done are skipped, and failures do not stop the others."""
     from cascadenorm.batch.batch import denoise_files
-    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.cli import progress_bars, tables
 
     warn_of_strength(controls["strength"])
     with progress_bars.progress_bar("denoising", time_left=True) as progress:
@@ -209,7 +209,7 @@ def batch(
     if as_json:
         failures = [{"input": failure.source, "message": worded(failure.error)} for failure in done.failures]
         about = {"files": done.lines, "kept": done.kept, "skipped": done.skipped, "failures": failures}
-        json_output.print_json("batch", about)
+        tables.print_json("batch", about)
     else:
         tables.print_batch(done, output)
     if done.failures:
@@ -236,7 +236,7 @@ def denoise_regions(
 ) -> None:
     """Denoise mesh files with coincident walls, such as segmented regions. Shared walls remain identical."""
     from cascadenorm.api.regions import regions
-    from cascadenorm.cli import json_output, progress_bars, tables
+    from cascadenorm.cli import progress_bars, tables
 
     parameters = parameter_values(settings, model)
     warn_of_strength(controls["strength"])
@@ -245,7 +245,7 @@ def denoise_regions(
             sources, output, method=method, parameters=parameters, force=force, progress=progress, **controls
         )
     if as_json:
-        json_output.print_json("denoise-regions", {"files": [asdict(one) for one in done]})
+        tables.print_json("denoise-regions", {"files": [asdict(one) for one in done]})
     else:
         for one in done:
             tables.print_denoised(one, file=sys.stdout)
@@ -267,7 +267,7 @@ def inspect(
 ) -> None:
     """Report the size and topology of a mesh, its defects and their locations, and its noise level."""
     from cascadenorm.api import inspection
-    from cascadenorm.cli import json_output, tables
+    from cascadenorm.cli import tables
 
     mesh = sys.stdin.buffer if source == "-" else source
     if report is None:
@@ -277,7 +277,7 @@ def inspect(
 
         found = reports.report(report, mesh, self_intersections=self_intersections, force=force).inspections["mesh"]
     if as_json:
-        json_output.print_json("inspect", asdict(found))
+        tables.print_json("inspect", asdict(found))
     else:
         tables.print_inspection(found)
         if report is not None:

@@ -2,13 +2,14 @@
 
 import sys
 import warnings
+from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
 import typer
 
-from cascadenorm.cli.app import app
-from cascadenorm.cli.options import Force
+from cascadenorm.cli.options import Force, app
 
 
 @app.command()
@@ -122,7 +123,6 @@ def render(
     force: Force = False,
 ) -> None:
     """Render meshes to a picture, without a GPU or a window."""
-    from cascadenorm.cli import pictures
     from cascadenorm.io.atomic import check_outputs
     from cascadenorm.render.files import draw
     from cascadenorm.render.scenes import Style
@@ -131,14 +131,14 @@ def render(
         raise typer.BadParameter("there is nothing to write: give --output or --turntable")
     style = Style(
         size=size,
-        direction=pictures.view_direction(view, up=up),
+        direction=_view_direction(view, up=up),
         up=up,
-        target=pictures.numbers("--target", target, 3),
+        target=_numbers("--target", target, 3),
         distance=distance,
         values=values,
         reference=reference,
-        limits=cast(tuple[float, float] | None, pictures.numbers("--limits", limits, 2)),
-        crops=pictures.crops(crop),
+        limits=cast(tuple[float, float] | None, _numbers("--limits", limits, 2)),
+        crops=_crops(crop),
         smooth=smooth,
         wireframe=wireframe,
         transparent=transparent,
@@ -152,3 +152,46 @@ def render(
             for line in dict.fromkeys(str(one.message) for one in said):
                 print(f"warning: {line}", file=sys.stderr)
             print(path)
+
+
+def _view_direction(view: str | None, *, up: Literal["x", "y", "z"]) -> tuple[float, ...] | None:
+    """Parse the direction to the viewer: a name, two angles in degrees, or a vector."""
+    from cascadenorm.render.camera import AROUND, direction_of_angles, named_direction
+
+    if view is None:
+        return None
+    if view in AROUND:
+        return named_direction(view, up=up)
+    found = _parsed(view)
+    if len(found) == 2:
+        return direction_of_angles(*found, up=up)
+    if len(found) != 3 or not any(found):
+        raise typer.BadParameter(
+            f"--view {view}: write a direction such as 0.5,0.4,0.8, two angles such as 30,20, or one of "
+            f"{', '.join(AROUND)}"
+        )
+    return found
+
+
+def _numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | None:
+    """Parse finite numbers separated by commas."""
+    if text is None:
+        return None
+    found = _parsed(text)
+    if len(found) != count:
+        raise typer.BadParameter(f"{option} {text}: write {count} numbers, such as {','.join(map(str, range(count)))}")
+    return found
+
+
+def _crops(texts: Sequence[str] | None) -> list[tuple[float, float, float]]:
+    """Parse the parts of the picture to enlarge."""
+    return [cast(tuple[float, float, float], _numbers("--crop", text, 3)) for text in texts or ()]
+
+
+def _parsed(text: str) -> tuple[float, ...]:
+    """Parse numbers separated by commas; return an empty tuple if one of them is invalid."""
+    try:
+        found = tuple(map(float, text.split(",")))
+    except ValueError:
+        return ()
+    return found if all(map(isfinite, found)) else ()

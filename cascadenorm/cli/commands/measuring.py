@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cascadenorm.cli.app import app
 from cascadenorm.cli.errors import PARTLY, notify, worded
 from cascadenorm.cli.options import (
     Force,
@@ -15,6 +14,7 @@ from cascadenorm.cli.options import (
     ReportFile,
     Scheduler,
     Set,
+    app,
     control_options,
     named_values,
     parameter_values,
@@ -36,7 +36,7 @@ def compare(
 ) -> None:
     """Measure a mesh against its ground truth."""
     from cascadenorm.api import api
-    from cascadenorm.cli import json_output, tables
+    from cascadenorm.cli import tables
 
     judged = sys.stdin.buffer if mesh == "-" else mesh
     if report is None:
@@ -47,7 +47,7 @@ def compare(
         measures = reports.report(report, judged, truth=reference, force=force).measures["mesh"]
     if as_json:
         about = {"mesh": mesh, "reference": reference, "measures": asdict(measures)}
-        json_output.print_json("compare", about)
+        tables.print_json("compare", about)
     else:
         tables.print_measures(measures)
         if report is not None:
@@ -74,14 +74,14 @@ def spectrum(
 ) -> None:
     """Print the lowest Laplacian eigenvalues of a mesh (its Shape DNA) and the distance to those of another mesh."""
     from cascadenorm.api import spectra
-    from cascadenorm.cli import json_output, tables
+    from cascadenorm.cli import tables
 
     first, second = (sys.stdin.buffer if name == "-" else name for name in (mesh, other))
     found = spectra.spectrum(first, second, count=count, scale=scale)
     if as_json:
         about = {"mesh": mesh, "other": other, "scale": found.scale, "distance": found.distance}
         values = [None if one is None else one.tolist() for one in (found.values, found.other)]
-        json_output.print_json("spectrum", about | dict(zip(("eigenvalues", "other_eigenvalues"), values, strict=True)))
+        tables.print_json("spectrum", about | dict(zip(("eigenvalues", "other_eigenvalues"), values, strict=True)))
     else:
         tables.print_spectrum(found)
 
@@ -217,7 +217,7 @@ def evaluate(
 
 
 def _print_results(done: "Evaluation", *, as_json: bool) -> None:
-    from cascadenorm.cli import json_output, tables
+    from cascadenorm.cli import tables
 
     for measured in done.results:
         if not measured.same_faces:
@@ -227,7 +227,7 @@ def _print_results(done: "Evaluation", *, as_json: bool) -> None:
     if as_json:
         failures = [{"pair": f.pair, "method": f.method, "message": worded(f.error)} for f in done.failures]
         rows = {"results": [one.row() for one in done.results], "means": [one.row() for one in done.means]}
-        json_output.print_json("evaluate", {**rows, "failures": failures})
+        tables.print_json("evaluate", {**rows, "failures": failures})
     else:
         tables.print_evaluation(done)
 
@@ -270,13 +270,13 @@ def methods(
 ) -> None:
     """List all methods, or the parameters of one method."""
     from cascadenorm.api import api
-    from cascadenorm.cli import json_output, tables
+    from cascadenorm.cli import tables
     from cascadenorm.registry import find
 
     known = api.methods()
     chosen = known if name is None else {name: find(name)}
     if as_json:
-        json_output.print_json("methods", {"methods": [json_output.method_json(one) for one in chosen.values()]})
+        tables.print_json("methods", {"methods": [tables.method_json(one) for one in chosen.values()]})
     elif name is None:
         tables.print_methods(known)
     else:

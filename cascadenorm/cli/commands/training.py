@@ -6,8 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cascadenorm.cli.app import app
-from cascadenorm.cli.options import Force, Scheduler, control_options
+from cascadenorm.cli.options import Force, Scheduler, app, control_options
 from cascadenorm.errors import counted
 
 
@@ -148,7 +147,7 @@ def show_model(
 ) -> None:
     """Print the model card of a model as JSON: training data, settings and validation error."""
     from cascadenorm.api import models
-    from cascadenorm.cli import json_output, tables
+    from cascadenorm.cli import tables
     from cascadenorm.learned.training.training_log import read_passes
 
     if curves is not None:
@@ -161,7 +160,7 @@ def show_model(
         write_atomically(hub, [hub_card(model).encode()], force=force)
         return
 
-    json_output.print_json("models", {"model": model, "card": models.load_model(model).card})
+    tables.print_json("models", {"model": model, "card": models.load_model(model).card})
 
 
 @app.command("export-onnx")
