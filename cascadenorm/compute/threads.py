@@ -6,18 +6,20 @@ operations for each index does not depend on the range, so results are byte-iden
 
 import math
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
 from threading import Event, Lock, Thread
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from cascadenorm.compute.thread_pool import on_threads
+Result = TypeVar("Result")
 
 BLOCK = 1024  # rows; with about a hundred numbers each they fit into the L2 cache
 CHUNKS_PER_THREAD = 4  # balances ranges of unequal cost
@@ -101,6 +103,52 @@ def one_blas_thread() -> Iterator[None]:
 @cache
 def _pools() -> ThreadpoolController:
     return ThreadpoolController()
+
+
+class _Pool:
+    """Threads for kernels, at most one per CPU, which start on first use; a forked process starts a new pool."""
+
+    def __init__(self) -> None:
+        self.renew()
+        if hasattr(os, "register_at_fork"):
+            os.register_at_fork(after_in_child=self.renew)
+
+    def renew(self) -> None:
+        self.executor = ThreadPoolExecutor(os.cpu_count(), "cascadenorm")
+
+
+_pool = _Pool()
+
+
+def on_threads(threads: int, count: int, task: Callable[[int], Result]) -> list[Result]:
+    """Call task(0) … task(count - 1) on the calling thread and up to threads - 1 others; return the results in order.
+
+    Each thread takes the next number when it has finished the last one. The calling thread works too, so nested calls
+    and calls while all threads are busy still finish. After an error, no further number is taken, and the error of the
+    failing call with the lowest number is raised.
+    """
+    if min(threads, count) <= 1:
+        return [task(number) for number in range(count)]
+    waiting, results, errors = deque(range(count)), dict[int, Result](), dict[int, BaseException]()
+
+    def work() -> None:
+        with suppress(IndexError):  # popleft: no numbers are left
+            while not errors:
+                number = waiting.popleft()
+                try:
+                    results[number] = task(number)
+                except BaseException as error:
+                    errors[number] = error
+
+    others = [_pool.executor.submit(work) for _ in range(min(threads, count) - 1)]
+    try:
+        work()
+    finally:  # leave no task running, even after Ctrl-C
+        waiting.clear()
+        wait([other for other in others if not other.cancel()])
+    if errors:
+        raise errors[min(errors)]
+    return [results[number] for number in range(count)]
 
 
 def parallel_for(count: int, run: Callable[..., Any], *arguments: Any, smallest: int | None = None) -> list[Any]:

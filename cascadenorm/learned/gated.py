@@ -47,13 +47,10 @@ class GatedCascades:
         count = int(mesh.topology.components.max()) + 1
         return ComponentKinds(np.full(count, probability == 1), np.full(count, probability))
 
-    def chosen(self, measured: Bools, impulsive: Bools) -> "ChosenNetworks":
-        """Return the networks with the choice for each component, (c,), and the vertices with impulsive noise, (n,)."""
-        return ChosenNetworks(self.vertex, self.surface, measured, impulsive)
-
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), using the network that the gate chooses for each component."""
-        return self.chosen(self.component_kinds(mesh).measured, np.zeros(len(mesh.vertices), bool)).vertices(mesh)
+        measured, impulsive = self.component_kinds(mesh).measured, np.zeros(len(mesh.vertices), bool)
+        return ChosenNetworks(self.vertex, self.surface, measured, impulsive).vertices(mesh)
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file. Equal models have equal bytes."""

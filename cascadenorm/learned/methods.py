@@ -14,15 +14,17 @@ from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.detection.spikes import impulsive, without_outliers
 from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.learned.cascade import Cascade
-from cascadenorm.learned.drift import without_drift
 from cascadenorm.learned.gated import ChosenNetworks, GatedCascades, read_model
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.learned.surface_filter import with_filtered_surfaces
 from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh.averages import averaged
 from cascadenorm.registry import Parameter, ParameterError, method
 
 SHIPPED = ("auto", "cascade")
 """The methods that use weights, which are also the names of the weights that ship with the package."""
+DRIFT_PASSES = 64  # averages of displacements with those of the neighbours, which leave the drift
+
 Learned = Cascade | GatedCascades
 Model = Annotated[
     Learned | Path | None, Parameter("Weights file written by `cascadenorm train`. Default: the shipped weights")
@@ -60,7 +62,8 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     noisy, mesh = mesh, without_outliers(mesh)
     network: Learned | ChosenNetworks = loaded(model, "auto")
     if isinstance(network, GatedCascades):
-        network = network.chosen(network.component_kinds(mesh, treat_as).measured, impulsive(noisy, mesh))
+        measured = network.component_kinds(mesh, treat_as).measured
+        network = ChosenNetworks(network.vertex, network.surface, measured, impulsive(noisy, mesh))
     return denoised(mesh, network, filtered=treat_as != "unknown")
 
 
@@ -80,6 +83,21 @@ def denoised(mesh: Mesh, network: Cascade | ChosenNetworks, *, filtered: bool = 
     vertices = without_drift(mesh, vertices)
     free_derived(mesh)
     return safeguarded(mesh, vertices, measured)
+
+
+def without_drift(mesh: Mesh, vertices: Vectors, *, passes: int = DRIFT_PASSES) -> Vectors:
+    """Remove the smooth part of the displacement from a mesh to its denoised vertices, (n, 3), along the normals.
+
+    Normals determine vertices only up to slow variations, so the vertex update leaves such errors. Noise has hardly any
+    low-frequency part: the mean of a displacement over many vertices is drift. It is estimated by averaging each vertex
+    with its neighbours `passes` times. 64 passes keep wavelengths above about ten edges. Returns (n, 3) vertices; those
+    without a face, and those that have not moved, keep the given position.
+    """
+    normals = mesh.moved(vertices).vertex_normals
+    drift = np.einsum("ij,ij->i", vertices - mesh.vertices, normals)
+    drift = averaged(drift, mesh.topology.vertex_neighbors, passes)
+    drift[(vertices == mesh.vertices).all(axis=1)] = 0
+    return np.asarray(vertices - drift[:, None] * normals)
 
 
 @method("cascade", source="Wang, Liu, Tong 2016", family="learned")
@@ -110,8 +128,7 @@ def weights_file(name: str, model: str | Path | None = None) -> Path:
 @cache
 def shipped(name: str) -> Learned:
     """Return a shipped model, "auto" or "cascade"."""
-    with resources.as_file(resources.files("cascadenorm") / "weights" / f"{name}.safetensors") as path:
-        return read_model(path)
+    return read_model(weights_file(name))
 
 
 def loaded(model: Learned | Path | None, name: str) -> Learned:

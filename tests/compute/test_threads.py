@@ -11,8 +11,7 @@ from shapes import icosphere, noisy
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import cascadenorm as cn
-from cascadenorm.compute import thread_pool
-from cascadenorm.compute.thread_pool import on_threads
+from cascadenorm.compute.threads import on_threads
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import one_blas_thread
 
@@ -58,7 +57,7 @@ def test_blas_keeps_to_one_thread_until_the_last_of_several_callers_leaves():
 @pytest.mark.parametrize("method", ["auto", "bilateral-normal", "l0"])
 def test_one_thread_means_no_other_is_asked(method, monkeypatch, tmp_path):
     save_mesh(tmp_path / "mesh.ply", MESH)
-    monkeypatch.setattr(thread_pool._pool, "executor", None)
+    monkeypatch.setattr("cascadenorm.compute.threads._pool.executor", None)
     cn.denoise(MESH.vertices, MESH.faces, method=method, threads=1, boundary="smooth")
     cn.denoise_file(tmp_path / "mesh.ply", method=method, threads=1, max_displacement="0.5 edges")
     with pytest.raises(AttributeError):
@@ -93,7 +92,7 @@ def test_threads_are_kept():
 
 def test_calls_within_calls_end_though_no_other_thread_is_free(monkeypatch):
     with ThreadPoolExecutor(1) as executor:
-        monkeypatch.setattr(thread_pool._pool, "executor", executor)
+        monkeypatch.setattr("cascadenorm.compute.threads._pool.executor", executor)
         found = on_threads(4, 8, lambda i: on_threads(4, 8, lambda j: 10 * i + j))
     assert found == [[10 * i + j for j in range(8)] for i in range(8)]
 
@@ -121,7 +120,7 @@ def test_an_error_ends_the_call_when_all_that_has_begun_is_over(threads, error):
 def test_a_process_that_was_forked_has_threads_of_its_own():
     code = """
 import os, threading
-from cascadenorm.compute.thread_pool import on_threads
+from cascadenorm.compute.threads import on_threads
 meet = threading.Barrier(2)
 on_threads(2, 2, lambda _: meet.wait())
 child = os.fork()

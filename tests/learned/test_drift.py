@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shapes import icosphere
 
-from cascadenorm.learned.drift import without_drift
+from cascadenorm.learned.methods import without_drift
 
 BALL = icosphere(5)
 

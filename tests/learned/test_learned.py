@@ -46,7 +46,7 @@ from cascadenorm.learned.features import (
 from cascadenorm.learned.packed_normals import no_normals, pack, unpacked
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
-from cascadenorm.learned.training.networks import Network
+from cascadenorm.learned.training.network_training import Network
 from cascadenorm.mesh import Mesh, angles_between, in_blocks, limit_threads, unit
 from cascadenorm.mesh.averages import averaged_around
 

@@ -19,8 +19,13 @@ from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.learned.training import checkpoints, distributed, training
 from cascadenorm.learned.training.launch import is_local_main, is_main
-from cascadenorm.learned.training.network_training import TrainingFaces, angle_sum, chordal_distance, train_network
-from cascadenorm.learned.training.networks import torch_features
+from cascadenorm.learned.training.network_training import (
+    TrainingFaces,
+    angle_sum,
+    chordal_distance,
+    torch_features,
+    train_network,
+)
 from cascadenorm.learned.training.training import informative_pairs, train_cascade
 from cascadenorm.learned.training.training_log import read_passes
 from cascadenorm.mesh import limit_threads, unit

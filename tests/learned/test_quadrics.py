@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shapes import grid, icosphere, noisy
 
-from cascadenorm.geometry.quadrics import quadric_normals
+from cascadenorm.learned.surface_filter import quadric_normals
 from cascadenorm.mesh import Mesh, Vectors, unit
 
 
