@@ -302,30 +302,25 @@ def new_faults(before: Mesh, after: Mesh) -> dict[str, tuple[int, int]]:
     Crossing faces are only searched for if there are more spikes or folded edges, since the search takes a quarter of
     the time of a denoising.
     """
-    smalls = in_frame(before)[0], in_frame(after)[0]
-    first, last = map(_spikes_and_folds, smalls)
-    counts = {name: (first[name], last[name]) for name in last}
-    if all(old >= new for old, new in counts.values()):
-        return {}
-    crossing = [_crossing_count(small) or 0 for small in smalls]
-    counts = {"crossing_faces": (crossing[0], crossing[1]), **counts}
-    return {name: (old, new) for name, (old, new) in counts.items() if new > old}
+
+    def increased(*, crossings: bool) -> dict[str, tuple[int, int]]:
+        first, last = (surface_faults(mesh, crossings=crossings) for mesh in (before, after))
+        counts = {name: (first[name] or 0, last[name] or 0) for name in last}
+        return {name: (old, new) for name, (old, new) in counts.items() if new > old}
+
+    return increased(crossings=True) if increased(crossings=False) else {}
 
 
-def surface_faults(mesh: Mesh) -> dict[str, int | None]:
-    """Count crossing faces, spikes and folded edges; crossing faces are None for more than MOST_FACES_CROSSED faces."""
+def surface_faults(mesh: Mesh, *, crossings: bool = True) -> dict[str, int | None]:
+    """Count crossing faces, and the spikes and folded edges of the mesh without repeated faces.
+
+    Crossing faces are None if they are not wanted or the mesh has more than MOST_FACES_CROSSED faces.
+    """
     small, _ = in_frame(mesh)
-    return {"crossing_faces": _crossing_count(small), **_spikes_and_folds(small)}
-
-
-def _crossing_count(small: Mesh) -> int | None:
-    """Count the crossing faces of a mesh in its frame; None for more than MOST_FACES_CROSSED faces."""
-    if len(small.faces) > MOST_FACES_CROSSED:
-        return None
-    return int(crossing_faces(small).sum())
-
-
-def _spikes_and_folds(small: Mesh) -> dict[str, int]:
-    """Count the spikes and the folded edges of a mesh in its frame, without repeated faces."""
     surface = without_repeated_faces(small)
-    return {"spikes": int(spikes(surface).sum()), "folded_edges": int(folded_edges(surface).sum())}
+    searched = crossings and len(small.faces) <= MOST_FACES_CROSSED
+    return {
+        "crossing_faces": int(crossing_faces(small).sum()) if searched else None,
+        "spikes": int(spikes(surface).sum()),
+        "folded_edges": int(folded_edges(surface).sum()),
+    }
