@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 
 from cascadenorm.registry.controls import CONTROLS, ControlSetting
 
@@ -19,7 +20,7 @@ app = typer.Typer(
 
 
 @app.callback(invoke_without_command=True)
-def options(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+def options(version: Annotated[bool, Option("--version", help="Print the version and exit.")] = False) -> None:
     """Denoise triangle meshes by cascaded normal regression or by a classical method."""
     if version:
         from cascadenorm.version import __version__
@@ -28,30 +29,22 @@ def options(version: Annotated[bool, typer.Option("--version", help="Print the v
         raise typer.Exit
 
 
-MethodOption = Annotated[str, typer.Option(metavar="NAME", help="Denoising method; `cascadenorm methods` lists all.")]
+MethodOption = Annotated[str, Option(metavar="NAME", help="Denoising method; `cascadenorm methods` lists all.")]
 ModelOption = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Weights file for auto or cascade. By default, the shipped weights are used."),
+    Option(metavar="FILE", help="Weights file for auto or cascade. By default, the shipped weights are used."),
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", metavar="NAME=VALUE", help="Set a parameter of the method. Repeat the option to set several."
-    ),
+    Option("--set", metavar="NAME=VALUE", help="Set a parameter of the method. Repeat the option to set several."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
-ReportFile = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE", help="Also write a report to this HTML file.")
-]
+Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
+ReportFile = Annotated[Path | None, Option("--report", metavar="FILE", help="Also write a report to this HTML file.")]
 Scheduler = Annotated[
     str | None,
-    typer.Option(
-        metavar="ADDRESS", help="Use the workers of this Dask scheduler; 'local' starts a cluster on this machine."
-    ),
+    Option(metavar="ADDRESS", help="Use the workers of this Dask scheduler; 'local' starts a cluster on this machine."),
 ]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print the result as one JSON object, described in docs/json.md.")
-]
+JsonOption = Annotated[bool, Option("--json", help="Print the result as one JSON object, described in docs/json.md.")]
 
 CONTROL_OPTIONS = {name: setting for name, setting in CONTROLS.items() if not setting.about.hidden}
 """Controls that have a command line option."""
@@ -92,7 +85,7 @@ def control_options(*names: str) -> Callable[[Command], Command]:
 def _option(setting: ControlSetting) -> inspect.Parameter:
     """Return the command argument from which typer generates the option of a control."""
     about = setting.about
-    option = typer.Option(
+    option = Option(
         setting.option,
         help=setting.help(about.words),
         metavar=about.metavar or (None if about.flag else "|".join(map(str, setting.choices))),

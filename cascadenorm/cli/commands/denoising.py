@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import typer
+from typer import Argument, Option
 
 from cascadenorm.cli.errors import PARTLY, located, notify, warn_of_strength, worded
 from cascadenorm.cli.options import (
@@ -26,11 +27,11 @@ from cascadenorm.compute.compile_time import tell_of_compiling
 @app.command()
 @control_options()
 def denoise(
-    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for standard input.")],
+    source: Annotated[str, Argument(metavar="IN", help="Mesh file, or - for standard input.")],
     *,
     output: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "-o",
             "--output",
             metavar="FILE",
@@ -42,20 +43,20 @@ def denoise(
     settings: Set = None,
     format: Annotated[
         str | None,
-        typer.Option("--format", metavar="EXT", help="Format of standard output, such as stl. By default, that of IN."),
+        Option("--format", metavar="EXT", help="Format of standard output, such as stl. By default, that of IN."),
     ] = None,
     report: ReportFile = None,
-    truth: Annotated[Path | None, typer.Option(metavar="FILE", help="Ground truth mesh for the report.")] = None,
+    truth: Annotated[Path | None, Option(metavar="FILE", help="Ground truth mesh for the report.")] = None,
     memory: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="SIZE", help="Memory to use, such as 4GB. Larger meshes are denoised in patches (docs/patches.md)."
         ),
     ] = None,
     scheduler: Scheduler = None,
     weld: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="LENGTH",
             help="Weld boundary vertices at most this far apart, in mesh units or in mean edge lengths, as in "
             '"0.001 edges".',
@@ -63,7 +64,7 @@ def denoise(
     ] = None,
     drop_components: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="SIZE",
             help="Drop connected components with fewer faces than this number, or than this percentage of the largest "
             "component, such as 1%.",
@@ -129,43 +130,38 @@ def denoise(
 @control_options()
 def batch(
     sources: Annotated[
-        list[str],
-        typer.Argument(metavar="IN...", help="Files, folders, URLs, or quoted patterns such as 'scans/**/*.ply'."),
+        list[str], Argument(metavar="IN...", help="Files, folders, URLs, or quoted patterns such as 'scans/**/*.ply'.")
     ],
     *,
     output: Annotated[
-        str, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results, or a URL in an object store.")
+        str, Option("-o", "--output", metavar="DIR", help="Folder for the results, or a URL in an object store.")
     ],
     method: MethodOption = "auto",
     model: ModelOption = None,
     settings: Set = None,
     format: Annotated[
         str | None,
-        typer.Option(
-            "--format", metavar="EXT", help="Format of the results, such as stl. By default, that of each input."
-        ),
+        Option("--format", metavar="EXT", help="Format of the results, such as stl. By default, that of each input."),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Maximum number of processes. By default, one per core.")
-    ] = None,
+    workers: Annotated[int | None, Option(min=1, help="Maximum number of processes. By default, one per core.")] = None,
     memory: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="SIZE", help="Memory for all processes together, such as 4GB. By default, 80 % of the free memory."
         ),
     ] = None,
     retries: Annotated[
-        int, typer.Option(min=0, help="Further attempts for a file that ran out of memory or whose process ended.")
+        int, Option(min=0, help="Further attempts for a file that ran out of memory or whose process ended.")
     ] = 1,
     timeout: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="SECONDS", help="Stop working on a file after this many seconds. By default, there is no limit."
         ),
     ] = None,
     watch: Annotated[
         float | None,
-        typer.Option(
+        Option(
             min=0,
             metavar="SECONDS",
             help="Keep watching for new files, and denoise each once it has not changed for this many seconds.",
@@ -174,9 +170,7 @@ def batch(
     scheduler: Scheduler = None,
     manifest: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="File that records which inputs are done. By default, manifest.jsonl in DIR."
-        ),
+        Option(metavar="FILE", help="File that records which inputs are done. By default, manifest.jsonl in DIR."),
     ] = None,
     force: Force = False,
     as_json: JsonOption = False,
@@ -219,11 +213,11 @@ def batch(
 @app.command("denoise-regions")
 @control_options()
 def denoise_regions(
-    sources: Annotated[list[str], typer.Argument(metavar="IN...", help="Mesh files.")],
+    sources: Annotated[list[str], Argument(metavar="IN...", help="Mesh files.")],
     *,
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "-o", "--output", metavar="DIR", help="Folder for the results, which keep the file names of the inputs."
         ),
     ] = None,
@@ -253,13 +247,11 @@ def denoise_regions(
 
 @app.command()
 def inspect(
-    source: Annotated[str, typer.Argument(metavar="IN", help="Mesh file, or - for standard input.")],
+    source: Annotated[str, Argument(metavar="IN", help="Mesh file, or - for standard input.")],
     *,
     self_intersections: Annotated[
         bool | None,
-        typer.Option(
-            help="Whether to check for self-intersections. By default, only meshes of moderate size are checked."
-        ),
+        Option(help="Whether to check for self-intersections. By default, only meshes of moderate size are checked."),
     ] = None,
     report: ReportFile = None,
     force: Force = False,
@@ -286,27 +278,24 @@ def inspect(
 
 @app.command("fill-holes")
 def fill_holes(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="Mesh file.")],
+    source: Annotated[Path, Argument(metavar="IN", help="Mesh file.")],
     *,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Output file. By default, <stem>_filled<suffix> beside the input."),
+        Path | None, Option("-o", "--output", help="Output file. By default, <stem>_filled<suffix> beside the input.")
     ] = None,
     order: Annotated[
         int,
-        typer.Option(
+        Option(
             min=1, max=3, help="Continuity across the boundary of a hole: 1 position, 2 tangent plane, 3 curvature."
         ),
     ] = 2,
     max_edges: Annotated[
         int | None,
-        typer.Option(
-            min=3, help="Leave holes with more boundary edges than this open. By default, all holes are filled."
-        ),
+        Option(min=3, help="Leave holes with more boundary edges than this open. By default, all holes are filled."),
     ] = None,
     outer: Annotated[
         Literal["keep", "fill"],
-        typer.Option(
+        Option(
             metavar="keep|fill",
             help="Whether to keep or fill the outer boundary of an open surface, such as a scan from one side.",
         ),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal, cast
 
 import typer
+from typer import Argument, Option
 
 from cascadenorm.cli.options import Force, app
 
@@ -15,15 +16,13 @@ from cascadenorm.cli.options import Force, app
 @app.command()
 def studio(
     file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="Mesh file. You can also drop one onto the page.")
+        Path | None, Argument(metavar="[FILE]", help="Mesh file. You can also drop one onto the page.")
     ] = None,
     *,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the local server; 0 selects a free port.")] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Whether to open the page in the browser.")
-    ] = True,
+    port: Annotated[int, Option(min=0, max=65535, help="Port of the local server; 0 selects a free port.")] = 0,
+    browser: Annotated[bool, Option("--browser/--no-browser", help="Whether to open the page in the browser.")] = True,
     max_size: Annotated[
-        float, typer.Option(min=0, metavar="MB", help="Largest file size that is accepted, in megabytes.")
+        float, Option(min=0, metavar="MB", help="Largest file size that is accepted, in megabytes.")
     ] = 1000,
 ) -> None:
     """Denoise in the browser: preview the result as you change settings, paint masks, and save."""
@@ -34,9 +33,7 @@ def studio(
 
 @app.command()
 def demo(
-    folder: Annotated[Path, typer.Argument(help="Folder to create for meshes and pictures.")] = Path(
-        "cascadenorm-demo"
-    ),
+    folder: Annotated[Path, Argument(help="Folder to create for meshes and pictures.")] = Path("cascadenorm-demo"),
     *,
     force: Force = False,
 ) -> None:
@@ -57,69 +54,66 @@ def demo(
 def render(
     meshes: Annotated[
         list[str],
-        typer.Argument(metavar="MESH...", help="Mesh files, drawn side by side. Overlapping meshes share one camera."),
+        Argument(metavar="MESH...", help="Mesh files, drawn side by side. Overlapping meshes share one camera."),
     ],
     *,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Output file in PNG, WebP, SVG or PDF format.", show_default=False),
+        Path | None, Option("-o", "--output", help="Output file in PNG, WebP, SVG or PDF format.", show_default=False)
     ] = None,
     turntable: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE", help="Animation of one full turn of the meshes: a WebP file, or MP4 if ffmpeg is installed."
         ),
     ] = None,
-    size: Annotated[int, typer.Option(min=16, help="Width and height of each picture in pixels.")] = 600,
+    size: Annotated[int, Option(min=16, help="Width and height of each picture in pixels.")] = 600,
     view: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="WHERE",
             help="Position of the camera: front, back, left, right, top, bottom or three-quarter; an azimuth and an "
             "elevation in degrees, such as 30,20; or a direction X,Y,Z. The default is the front of an open "
             "surface and a three-quarter view of others.",
         ),
     ] = None,
-    up: Annotated[Literal["x", "y", "z"], typer.Option(metavar="x|y|z", help="Up axis of the meshes.")] = "y",
+    up: Annotated[Literal["x", "y", "z"], Option(metavar="x|y|z", help="Up axis of the meshes.")] = "y",
     target: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,Z", help="Point in the centre of the picture. By default, the centre of the mesh."),
+        Option(metavar="X,Y,Z", help="Point in the centre of the picture. By default, the centre of the mesh."),
     ] = None,
     distance: Annotated[
         float | None,
-        typer.Option(
-            help="Distance from the camera to the target, in mesh units. By default, the whole mesh is visible."
-        ),
+        Option(help="Distance from the camera to the target, in mesh units. By default, the whole mesh is visible."),
     ] = None,
     values: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NAME",
             help="Quantity to show as a heat map: normal-error, distance, angle, displacement, normal-displacement, "
             "curvature or noise.",
         ),
     ] = None,
     reference: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Mesh to compare with. By default, the first mesh.")
+        Path | None, Option(metavar="FILE", help="Mesh to compare with. By default, the first mesh.")
     ] = None,
     limits: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="LOW,HIGH",
             help="Values at the two ends of the colour scale. By default, they follow from the meshes.",
         ),
     ] = None,
     crop: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="X,Y,WIDTH",
             help="Show an enlarged square below each picture, given by its centre and width as fractions of the "
             "picture, measured from the upper left corner. Repeat the option to show several.",
         ),
     ] = None,
-    smooth: Annotated[bool, typer.Option("--smooth", help="Use smooth shading.")] = False,
-    wireframe: Annotated[bool, typer.Option("--wireframe", help="Draw the edges.")] = False,
-    transparent: Annotated[bool, typer.Option("--transparent", help="Make the background transparent.")] = False,
+    smooth: Annotated[bool, Option("--smooth", help="Use smooth shading.")] = False,
+    wireframe: Annotated[bool, Option("--wireframe", help="Draw the edges.")] = False,
+    transparent: Annotated[bool, Option("--transparent", help="Make the background transparent.")] = False,
     force: Force = False,
 ) -> None:
     """Render meshes to a picture, without a GPU or a window."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
 from cascadenorm.cli.errors import PARTLY, notify, worded
 from cascadenorm.cli.options import (
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
 @app.command()
 def compare(
-    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh to measure, or - for standard input.")],
-    reference: Annotated[str, typer.Argument(metavar="REFERENCE", help="Ground truth mesh.")],
+    mesh: Annotated[str, Argument(metavar="MESH", help="Mesh to measure, or - for standard input.")],
+    reference: Annotated[str, Argument(metavar="REFERENCE", help="Ground truth mesh.")],
     *,
     report: ReportFile = None,
     force: Force = False,
@@ -56,15 +57,13 @@ def compare(
 
 @app.command()
 def spectrum(
-    mesh: Annotated[str, typer.Argument(metavar="MESH", help="Mesh file, or - for standard input.")],
-    other: Annotated[str | None, typer.Argument(metavar="[OTHER]", help="Mesh to compare with.")] = None,
+    mesh: Annotated[str, Argument(metavar="MESH", help="Mesh file, or - for standard input.")],
+    other: Annotated[str | None, Argument(metavar="[OTHER]", help="Mesh to compare with.")] = None,
     *,
-    count: Annotated[
-        int, typer.Option("-n", "--count", min=1, help="Number of eigenvalues, the lowest of which is 0.")
-    ] = 50,
+    count: Annotated[int, Option("-n", "--count", min=1, help="Number of eigenvalues, the lowest of which is 0.")] = 50,
     scale: Annotated[
         Literal["area", "keep"],
-        typer.Option(
+        Option(
             metavar="area|keep",
             help="With area, the eigenvalues are multiplied by the surface area and so do not depend on the scale of "
             "the mesh; with keep, they are not.",
@@ -91,7 +90,7 @@ def spectrum(
 def evaluate(
     folders: Annotated[
         list[Path] | None,
-        typer.Argument(
+        Argument(
             metavar="[DIR...]",
             help="Folders that each contain noisy.* and clean.*, or folders of such folders.",
             show_default=False,
@@ -100,34 +99,31 @@ def evaluate(
     *,
     dataset: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NAME", help="Public data set, read from --from. Use `list` to see all sets and where to get them."
         ),
     ] = None,
     copy: Annotated[
         Path | None,
-        typer.Option(
-            "--from", metavar="DIR", help="Your copy of the public set, which is a clone or an unpacked archive."
-        ),
+        Option("--from", metavar="DIR", help="Your copy of the public set, which is a clone or an unpacked archive."),
     ] = None,
     split: Annotated[
-        Literal["test", "train"], typer.Option(metavar="test|train", help="Published split of the public set.")
+        Literal["test", "train"], Option(metavar="test|train", help="Published split of the public set.")
     ] = "test",
     noise: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="LEVEL",
             help="Instead of using noisy.*, add Gaussian noise along the normals to clean.*, with this standard "
             "deviation in mean edge lengths.",
         ),
     ] = None,
     seeds: Annotated[
-        int,
-        typer.Option(min=1, help="Number of noisy versions of each clean mesh. The tables show the spread over them."),
+        int, Option(min=1, help="Number of noisy versions of each clean mesh. The tables show the spread over them.")
     ] = 1,
     method: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME",
             help="Method to evaluate. Repeat the option to evaluate several. By default: auto, cascade, "
             "bilateral-normal, guided-normal and l0.",
@@ -135,42 +131,41 @@ def evaluate(
     ] = None,
     result: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME=DIR",
             help="Add results of another program, which are the meshes DIR/<pair>.*. Repeat the option to add several.",
         ),
     ] = None,
     command: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="'NAME=PROG {in} {out}'",
             help="Run another program on each noisy mesh. {in.obj} and {out.obj} convert to and from that format. "
             "Repeat the option to run several.",
         ),
     ] = None,
     timeout: Annotated[
-        float,
-        typer.Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this for one mesh."),
+        float, Option(metavar="SECONDS", help="Stop a program of --command that takes longer than this for one mesh.")
     ] = 3600.0,
     settings: Set = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="Write all results as CSV.")] = None,
-    markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as Markdown.")] = None,
-    latex: Annotated[Path | None, typer.Option(metavar="FILE", help="Write tables as LaTeX.")] = None,
+    csv: Annotated[Path | None, Option(metavar="FILE", help="Write all results as CSV.")] = None,
+    markdown: Annotated[Path | None, Option(metavar="FILE", help="Write tables as Markdown.")] = None,
+    latex: Annotated[Path | None, Option(metavar="FILE", help="Write tables as LaTeX.")] = None,
     html: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE", help="Write an HTML page of tables and figures, and a page with a 3-D viewer for each pair."
         ),
     ] = None,
     keep: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="DIR",
             help="Keep the denoised meshes in this folder, from which a later run reuses them. With --html, the "
             "default is a folder beside that file.",
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes.")] = 1,
+    workers: Annotated[int, Option(min=1, help="Number of processes.")] = 1,
     scheduler: Scheduler = None,
     force: Force = False,
     as_json: JsonOption = False,
@@ -263,7 +258,7 @@ def _public_pairs(dataset: str | None, copy: Path | None, split: Literal["test",
 @app.command()
 def methods(
     name: Annotated[
-        str | None, typer.Argument(help="Method whose parameters to show. By default, all methods are listed.")
+        str | None, Argument(help="Method whose parameters to show. By default, all methods are listed.")
     ] = None,
     *,
     as_json: JsonOption = False,

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from cascadenorm.cli.options import Force, Scheduler, app, control_options
 from cascadenorm.errors import counted
@@ -12,15 +13,13 @@ from cascadenorm.errors import counted
 
 @app.command()
 def generate(
-    folder: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to create for the data set.")],
+    folder: Annotated[Path, Argument(metavar="OUT", help="Folder to create for the data set.")],
     *,
-    count: Annotated[int, typer.Option(min=1, help="Number of pairs.")] = 100,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the random numbers. The same seed generates the same files.")
-    ] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes. The files do not depend on it.")] = 1,
+    count: Annotated[int, Option(min=1, help="Number of pairs.")] = 100,
+    seed: Annotated[int, Option(min=0, help="Seed of the random numbers. The same seed generates the same files.")] = 0,
+    workers: Annotated[int, Option(min=1, help="Number of processes. The files do not depend on it.")] = 1,
     scheduler: Scheduler = None,
-    force: Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")] = False,
+    force: Annotated[bool, Option("--force", help="Write into a folder that is not empty.")] = False,
 ) -> None:
     """Generate pairs of noisy and clean meshes from random shapes with many kinds of noise."""
     from cascadenorm.api.training_pairs import write_pairs
@@ -37,38 +36,34 @@ def generate(
 @control_options("threads")
 def train(
     *,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path(
-        "cascade.safetensors"
-    ),
+    output: Annotated[Path, Option("-o", "--output", help="Weights file to write.")] = Path("cascade.safetensors"),
     config: Annotated[
-        Path | None, typer.Option(help="TOML file of settings. Missing settings have their default values.")
+        Path | None, Option(help="TOML file of settings. Missing settings have their default values.")
     ] = None,
     shapes: Annotated[
         list[Path] | None,
-        typer.Option(metavar="PATH", help="File or folder of your own clean meshes. Repeat the option to add several."),
+        Option(metavar="PATH", help="File or folder of your own clean meshes. Repeat the option to add several."),
     ] = None,
     noisy: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             metavar="DIR", help="Folder of your own pairs of noisy.* and clean.*. Repeat the option to add several."
         ),
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Train for about a minute to check that training works.")
-    ] = False,
+    quick: Annotated[bool, Option("--quick", help="Train for about a minute to check that training works.")] = False,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
+        int | None, Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE",
             help="Write the losses and the validation error in degrees after each epoch to this .csv or .jsonl file. "
             "A resumed training appends to it.",
         ),
     ] = None,
     tensorboard: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the same values for TensorBoard, which must be installed.")
+        Path | None, Option(metavar="DIR", help="Write the same values for TensorBoard, which must be installed.")
     ] = None,
     force: Force = False,
     **controls: Any,
@@ -105,12 +100,12 @@ def train(
 @app.command("train-gate")
 @control_options("threads")
 def train_gate(
-    vertex: Annotated[Path, typer.Argument(metavar="VERTEX", help="Weights file trained with configs/vertex.toml.")],
-    surface: Annotated[Path, typer.Argument(metavar="SURFACE", help="Weights file trained with configs/surface.toml.")],
+    vertex: Annotated[Path, Argument(metavar="VERTEX", help="Weights file trained with configs/vertex.toml.")],
+    surface: Annotated[Path, Argument(metavar="SURFACE", help="Weights file trained with configs/surface.toml.")],
     *,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Weights file to write.")] = Path("auto.safetensors"),
+    output: Annotated[Path, Option("-o", "--output", help="Weights file to write.")] = Path("auto.safetensors"),
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
+        int | None, Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
     ] = None,
     force: Force = False,
     **controls: Any,
@@ -130,15 +125,14 @@ def _print_use(model: Path) -> None:
 
 @app.command("models")
 def show_model(
-    model: Annotated[str, typer.Argument(help="Shipped model (auto or cascade), or a weights file.")] = "auto",
+    model: Annotated[str, Argument(help="Shipped model (auto or cascade), or a weights file.")] = "auto",
     *,
     curves: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Show the training curves of a file written by `train --log` instead."),
+        Path | None, Option(metavar="FILE", help="Show the training curves of a file written by `train --log` instead.")
     ] = None,
     hub: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE",
             help="Write the model card to this file in the format of the Hugging Face Hub, with the digest.",
         ),
@@ -165,12 +159,10 @@ def show_model(
 
 @app.command("export-onnx")
 def export_onnx(
-    folder: Annotated[
-        Path, typer.Argument(metavar="OUT", help="Folder to create for stage1.onnx, stage2.onnx, and so on.")
-    ],
+    folder: Annotated[Path, Argument(metavar="OUT", help="Folder to create for stage1.onnx, stage2.onnx, and so on.")],
     *,
     model: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="Shipped model (auto or cascade), or a weights file.")
+        str, Option(metavar="NAME|FILE", help="Shipped model (auto or cascade), or a weights file.")
     ] = "auto",
     force: Force = False,
 ) -> None:
