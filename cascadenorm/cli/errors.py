@@ -4,31 +4,21 @@ import errno
 import math
 import sys
 
+from cascadenorm import errors
 from cascadenorm.cli.options import setting_name
-from cascadenorm.errors import (
-    CascadenormError,
-    ConfigError,
-    DenoiseError,
-    MeshError,
-    MissingDependencyError,
-    OutputError,
-    ParameterError,
-    ReadError,
-    WorkerError,
-)
 
 DONE, FAILED, USAGE, UNREADABLE, INVALID, OUTPUT, PARTLY, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 """Exit codes, as listed in docs/json.md."""
 
 EXIT_CODES: dict[type[Exception], int] = {
-    ParameterError: USAGE,
-    ConfigError: USAGE,
-    ReadError: UNREADABLE,
-    MeshError: INVALID,
-    OutputError: OUTPUT,
-    DenoiseError: FAILED,
-    WorkerError: FAILED,
-    MissingDependencyError: FAILED,
+    errors.ParameterError: USAGE,
+    errors.ConfigError: USAGE,
+    errors.ReadError: UNREADABLE,
+    errors.MeshError: INVALID,
+    errors.OutputError: OUTPUT,
+    errors.DenoiseError: FAILED,
+    errors.WorkerError: FAILED,
+    errors.MissingDependencyError: FAILED,
 }
 """Exit code of each error class; the first matching class applies."""
 
@@ -46,7 +36,7 @@ def exit_code(error: Exception) -> int:
 
 def worded(error: Exception) -> str:
     """Return the message of an error, with keyword arguments replaced by command line options."""
-    if isinstance(error, CascadenormError):
+    if isinstance(error, errors.CascadenormError):
         return error.message(setting_name)
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         return f"the output cannot be written: {error.strerror}"
