@@ -29,20 +29,9 @@ from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.geometry.volume import closed_parts, with_volume_of
-from cascadenorm.mesh import (
-    Ints,
-    Ints32,
-    Mesh,
-    Renumbered,
-    Vectors,
-    all_in_rows,
-    first_places,
-    in_frame,
-    one_blas_thread,
-    ordered_for_cache,
-    without_lines,
-    without_repeated_faces,
-)
+from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, all_in_rows, first_places, in_frame, one_blas_thread
+from cascadenorm.mesh.isolation import without_lines, without_repeated_faces
+from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
 from cascadenorm.registry import REGION, Method
 from cascadenorm.registry.controls import CONTROLS, Controls
 

@@ -18,17 +18,9 @@ from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.mesh import (
-    Frame,
-    Mesh,
-    Topology,
-    first_places,
-    frame_of,
-    ordered_for_cache,
-    repeats_vertex,
-    without_lines,
-    without_repeated_faces,
-)
+from cascadenorm.mesh import Mesh, Topology, first_places, ordered_for_cache
+from cascadenorm.mesh.frame import Frame, frame_of
+from cascadenorm.mesh.isolation import repeats_vertex, without_lines, without_repeated_faces
 from cascadenorm.mesh.mesh import checked_faces
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls

@@ -5,17 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import (
-    Bools,
-    Floats,
-    Floats32,
-    Ints,
-    face_area_vectors,
-    kernel,
-    parallel_for,
-    repeats_vertex,
-    scatter_add,
-)
+from cascadenorm.compute.arrays import Bools, Floats, Floats32, Ints, scatter_add
+from cascadenorm.mesh import face_area_vectors, kernel, parallel_for, repeats_vertex
 from cascadenorm.mesh.vectors import Three, Vector, area_vector, divided, length, row
 
 MOST_APEXES = 64  # corners tried for a fan without folded triangles

@@ -3,19 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.arrays import Bools, Floats, Ints, Vectors
 from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
-from cascadenorm.mesh import (
-    SMALLEST_COSTLY_CHUNK,
-    Bools,
-    Floats,
-    Ints,
-    Mesh,
-    Vectors,
-    kernel,
-    parallel_for,
-    repeats,
-    repeats_vertex,
-)
+from cascadenorm.mesh import SMALLEST_COSTLY_CHUNK, Mesh, kernel, parallel_for, repeats, repeats_vertex
 from cascadenorm.mesh.vectors import Vector, cross, dot, row, subtract
 
 MOST_NEAR = 1000  # maximum number of faces that are tested against one face

@@ -5,20 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cascadenorm.compute.arrays import Floats, Ints32, Vectors, first_of_each, pair_products, scatter_add
 from cascadenorm.geometry.volume import closed_parts, volumes
-from cascadenorm.mesh import (
-    Floats,
-    Ints32,
-    Mesh,
-    Topology,
-    Vectors,
-    connected_components,
-    first_of_each,
-    kernel,
-    pair_products,
-    parallel_for,
-    scatter_add,
-)
+from cascadenorm.mesh import Mesh, Topology, connected_components, kernel, parallel_for
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 Mask = NDArray[np.bool_]
