@@ -10,6 +10,9 @@ from typing import TypeVar
 
 Located = TypeVar("Located", bound="CascadenormError")
 
+Remedy = tuple[str, object]
+"""Name and value of a setting that solves a problem."""
+
 SettingName = Callable[[str, object], str]
 """Function that returns the name of a setting in an interface, given its name in Python and optionally its value."""
 
@@ -37,7 +40,7 @@ class CascadenormError(Exception):
         Name of the file or stream with the problem, empty if there is none.
     """
 
-    def __init__(self, problem: str = "", *, hint: str = "", remedy: tuple[str, object] | None = None) -> None:
+    def __init__(self, problem: str = "", *, hint: str = "", remedy: Remedy | None = None) -> None:
         super().__init__(problem)
         self.problem, self.hint, self.remedy, self.place = problem, hint, remedy, ""
 
@@ -103,9 +106,7 @@ class ParameterError(CascadenormError, ValueError):
         Name of the parameter or control that precedes the problem in the message; empty if there is none.
     """
 
-    def __init__(
-        self, problem: str = "", *, parameter: str = "", hint: str = "", remedy: tuple[str, object] | None = None
-    ) -> None:
+    def __init__(self, problem: str = "", *, parameter: str = "", hint: str = "", remedy: Remedy | None = None) -> None:
         super().__init__(problem, hint=hint, remedy=remedy)
         self.parameter = parameter
 
@@ -121,12 +122,7 @@ class OutputError(CascadenormError, OSError):
     """An output already exists or cannot be written; nothing was changed. `existing` lists the existing files."""
 
     def __init__(
-        self,
-        problem: str = "",
-        *,
-        hint: str = "",
-        remedy: tuple[str, object] | None = None,
-        existing: Sequence[str] = (),
+        self, problem: str = "", *, hint: str = "", remedy: Remedy | None = None, existing: Sequence[str] = ()
     ) -> None:
         super().__init__(problem, hint=hint, remedy=remedy)
         self.existing = list(existing)

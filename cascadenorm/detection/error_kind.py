@@ -125,7 +125,7 @@ def autocorrelation(points: Vectors, values: Floats, reach: float) -> tuple[Floa
     chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
     centers = np.flatnonzero(chosen[order])
     binned = np.zeros((2, len(centers), int(reach) + 1))
-    parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], reach, *binned, smallest=64)
+    parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], reach, binned, smallest=64)
     counts, sums = binned.sum(axis=1)
     means = sums / np.maximum(counts, 1)
     known = np.flatnonzero(counts[1:]) + 1
@@ -135,17 +135,9 @@ def autocorrelation(points: Vectors, values: Floats, reach: float) -> tuple[Floa
 
 @kernel
 def _bins_range(
-    start: int,
-    stop: int,
-    centers: Ints,
-    points: Vectors,
-    axis: int,
-    values: Floats,
-    reach: float,
-    counts: Floats,
-    sums: Floats,
+    start: int, stop: int, centers: Ints, points: Vectors, axis: int, values: Floats, reach: float, binned: Floats
 ) -> None:
-    """Bin the points after each centre by rounded distance; count them and sum the products of their values.
+    """Bin the points after each centre by rounded distance: their numbers, and the sums of the products of values.
 
     The points are sorted along the axis, so near points are close in order. Each pair counts for its earlier point.
     """
@@ -160,5 +152,5 @@ def _bins_range(
             k += 1
         for place in range(found):
             distance = int(np.rint(np.sqrt(squares[place])))  # the first neighbours are in bin 1
-            counts[i, distance] += 1
-            sums[i, distance] += values[center] * values[near[place]]
+            binned[0, i, distance] += 1
+            binned[1, i, distance] += values[center] * values[near[place]]
