@@ -149,14 +149,7 @@ def _bilateral_step(
 
 @kernel
 def _centroid_means(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    centroids: Vectors,
-    areas: Floats,
-    spread: float,
-    near: Csr,
-    means: Vectors,
+    start: int, stop: int, vertices: Vectors, centroids: Vectors, areas: Floats, spread: float, near: Csr, out: Vectors
 ) -> None:
     """Take the Gaussian mean of near centroids; a vertex without any stays."""
     for i in range(start, stop):
@@ -168,7 +161,7 @@ def _centroid_means(
             w = areas[f] * np.exp(-0.5 * dot(way, way) / (spread * spread))
             move, total = add(move, scaled(w, way)), total + w
         mean = divided(move, total if total > 0.0 else 1.0)
-        means[i, 0], means[i, 1], means[i, 2] = add(row(vertices, i), mean)
+        out[i, 0], out[i, 1], out[i, 2] = add(row(vertices, i), mean)
 
 
 @kernel
