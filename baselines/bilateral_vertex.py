@@ -3,7 +3,6 @@
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.neighborhoods import each_alone, within
@@ -98,7 +97,7 @@ def vertex_normals(mesh: Mesh) -> Vectors:
     return unit(mesh.sums_around(mesh.face_normals))
 
 
-def shortest_edges(mesh: Mesh) -> NDArray[np.float64]:
+def shortest_edges(mesh: Mesh) -> Floats:
     """Return the (n,) length of the shortest edge at each vertex; 0 without an edge."""
     least, lengths = np.full(len(mesh.vertices), np.inf), row_distances(mesh.vertices, mesh.topology.edges)
     for ends in mesh.topology.edges.T:

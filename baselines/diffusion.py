@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import (
@@ -20,7 +19,7 @@ from cascadenorm.geometry.laplacians import (
     laplacian_of,
 )
 from cascadenorm.geometry.sparse_solvers import solver_of_rings, solver_of_steps
-from cascadenorm.mesh import Mesh, Vectors, scatter_add
+from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]
@@ -91,14 +90,14 @@ def laplacian(
 
 def diffuse(
     laplacian: Laplacian,
-    values: NDArray[np.float64],
+    values: Floats,
     *,
     time: float,
     iterations: int,
     scheme: Scheme = "implicit",
     order: Order = 1,
     region: VertexMask | None = None,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Take steps of x_t = -(-Δ)^order x: an eigenvector of -Δ with value k is scaled by 1 - tk^p, or by 1/(1 + tk^p).
 
     The values, (n, c), are the vertices or at most three other columns. The time t of one step is in the unit of the
@@ -177,9 +176,7 @@ def implicit_moves(
     return moves + component_means(mesh, laplacian.mass, min(time, area) * velocity - moves, region)
 
 
-def component_means(
-    mesh: Mesh, mass: NDArray[np.float64], values: Vectors, region: VertexMask | None = None
-) -> Vectors:
+def component_means(mesh: Mesh, mass: Floats, values: Vectors, region: VertexMask | None = None) -> Vectors:
     """Return the (n, 3) means of values, (n, 3), by mass over the component of each vertex.
 
     They are 0 for components with a vertex outside the region.

@@ -15,7 +15,6 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import MOST_ITERATIONS, conjugate_gradients
@@ -96,12 +95,12 @@ class EdgeSystem(NamedTuple):
     """Positions of the edges' entries in the symmetric matrix of the vertices."""
 
     pattern: Csr  # sparsity pattern with n rows, columns ascending, including the diagonal
-    quads: NDArray[np.int32]  # (e, 4) vertices of each edge
-    slots: NDArray[np.int32]  # (e, 4, 4) entry of the pattern for each pair of these vertices
-    diagonal: NDArray[np.int32]  # (n,) entry of the pattern on the diagonal
+    quads: Ints32  # (e, 4) vertices of each edge
+    slots: Ints32  # (e, 4, 4) entry of the pattern for each pair of these vertices
+    diagonal: Ints32  # (n,) entry of the pattern on the diagonal
 
 
-def edge_system(quads: NDArray[np.int32], vertex_count: int) -> EdgeSystem:
+def edge_system(quads: Ints32, vertex_count: int) -> EdgeSystem:
     """Compute the sparsity pattern of I + αRᵀR + βDᵀD."""
     everyone = np.arange(vertex_count, dtype=np.int32)
     rows = np.concatenate([np.repeat(quads, 4, axis=1).ravel(), everyone])
@@ -155,7 +154,7 @@ def _assemble(
                 right[i, 0], right[i, 1], right[i, 2] = add(row(right, i), pull)
 
 
-def edge_quads(topology: Topology) -> NDArray[np.int32]:
+def edge_quads(topology: Topology) -> Ints32:
     """Return the (e, 4) vertices 1 to 4 of each edge with two faces, unless two are equal; 2 is in the first face."""
     ends = topology.edges[topology.interior_edges]
     corners = topology.faces[topology.face_pairs]  # (e, 2, 3)
@@ -166,7 +165,7 @@ def edge_quads(topology: Topology) -> NDArray[np.int32]:
     return np.ascontiguousarray(quads[apexes[:, 0] != apexes[:, 1]])
 
 
-def edge_coefficients(vertices: Vectors, quads: NDArray[np.int32], operator: EdgeOperator) -> NDArray[np.float64]:
+def edge_coefficients(vertices: Vectors, quads: Ints32, operator: EdgeOperator) -> Floats:
     """Return (e, 4) weights of the vertices of each edge, so that D(e)x = Σ_k coefficient_k x_k.
 
     The cotangent operator is (-cot 231 - cot 134, cot 231 + cot 312, -cot 312 - cot 413, cot 134 + cot 413), of length

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.baselines.bilateral_normal import Passes, RangeSpread, bilateral_normals, steepness
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, filter_rings, fit_rings, fit_vertices
@@ -117,7 +116,7 @@ def walk_means(normals: Vectors, rings: Csr, *, sigma_r: float, length: int) -> 
 
     A step leads from f to g, or stays at f, with a probability proportional to exp(-|n_f - n_g|²/2σ_r²).
     """
-    means: NDArray[np.float64] = normals
+    means: Floats = normals
     for _ in range(length):
         following = np.empty_like(normals)
         parallel_for(len(normals), _walk_step, means, normals, rings, steepness(sigma_r), following)

@@ -4,13 +4,12 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.baselines.anisotropic_diffusion import Presmoothing, anisotropic_laplacian, diffused_vertex_normals
 from cascadenorm.baselines.diffusion import DiffusionStep, Moving, component_means, diffuse, implicit_moves
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import cotangent_laplacian
-from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
 SMOOTHINGS = 5  # implicit steps that the diffusion of the curvature is made of
@@ -76,7 +75,7 @@ def prescribed_mean_curvature(
     return mesh.vertices.copy()
 
 
-def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray[np.float64]:
+def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> Floats:
     """Return the (e,) weight of each edge: 1 where the surface turns little, less at creases, 0 unless it is interior.
 
     The turn c is that of the given vertex normals from the middle of one face of the edge to that of the other; past
@@ -90,7 +89,7 @@ def crease_weights(mesh: Mesh, normals: Vectors, *, threshold: float) -> NDArray
     return weights
 
 
-def area_gradient(mesh: Mesh, weights: NDArray[np.float64]) -> Vectors:
+def area_gradient(mesh: Mesh, weights: Floats) -> Vectors:
     """Return (n, 3) sums ½ Σ w_e H_e N_e over the edges e of each vertex; with weights 1, the gradient of the area."""
     edges, face_edges = mesh.topology.edges, mesh.topology.face_edges
     corners = mesh.corners

@@ -5,12 +5,11 @@ from typing import Annotated
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
-from cascadenorm.mesh import Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
 WIDEST = 10.0  # mesh diagonals; wider features are removed completely, up to rounding
@@ -82,18 +81,14 @@ def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -
     return guidance
 
 
-def _dual_edges(
-    mesh: Mesh, pairs: NDArray[np.int32], *, least: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _dual_edges(mesh: Mesh, pairs: Ints32, *, least: float) -> tuple[Floats, Floats]:
     """Return the length of each interior edge, (e,), and the distance of the centroids at it by way of its midpoint."""
     ends = mesh.vertices[mesh.topology.edges[mesh.topology.interior_edges]]
     ways = np.linalg.norm(mesh.centroids[pairs] - ends.mean(axis=1)[:, None], axis=2).sum(axis=1)
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.maximum(ways, least)
 
 
-def _averaged(
-    mesh: Mesh, areas: NDArray[np.float64], pairs: NDArray[np.int32], weights: NDArray[np.float64], time: float
-) -> Vectors:
+def _averaged(mesh: Mesh, areas: Floats, pairs: Ints32, weights: Floats, time: float) -> Vectors:
     """Return the normals of the mesh after two implicit steps of diffusion, scaled to unit length."""
     count = len(areas)
     first, second = pairs.T

@@ -3,11 +3,10 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
 from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Floats, Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
 EXACT_LIMIT = 200_000  # vertices above which "auto" approximates the harmonics
@@ -71,7 +70,7 @@ def spectral(
     return filtered(mesh, basis, weights, rest=rest)
 
 
-def filtered(mesh: Mesh, harmonics: Harmonics, weights: NDArray[np.float64], *, rest: float = 1.0) -> Vectors:
+def filtered(mesh: Mesh, harmonics: Harmonics, weights: Floats, *, rest: float = 1.0) -> Vectors:
     """Return x' = Σ w_i <x, φ_i> φ_i + rest (x - Σ <x, φ_i> φ_i), (n, 3); vertices without a face stay.
 
     The weights, (k,), scale the harmonics: 1 keeps a harmonic, 0 removes it, and more than 1 amplifies it. `rest` is

@@ -4,7 +4,6 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.baselines.tv_normal import LEAST_AREA_IN_EDGES, difference_operator
 from cascadenorm.baselines.vertex_update import Sweeps, VertexFit, fit_vertices
@@ -131,7 +130,7 @@ def corner_sums(mesh: Mesh) -> tuple[Any, Floats]:
     return sums, row_lengths((mesh.corners - mesh.centroids[:, None])[inner])
 
 
-def _system(diagonal: NDArray[np.float64], rest: Any) -> tuple[Csr, NDArray[np.float64]]:
+def _system(diagonal: Floats, rest: Any) -> tuple[Csr, Floats]:
     """Return the pattern and the entries of a matrix, given as a diagonal and what is added to it."""
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(diagonal) + rest)
     matrix.sort_indices()

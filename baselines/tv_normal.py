@@ -138,12 +138,12 @@ class TotalVariation:
 class FaceSides(NamedTuple):
     """The neighbours of each face. A side without exactly one other face has length 0."""
 
-    across: NDArray[np.int32]  # (m, 3) adjacent face, or the face itself
-    edges: NDArray[np.int32]  # (m, 3) row of the edge in the pairs of faces
+    across: Ints32  # (m, 3) adjacent face, or the face itself
+    edges: Ints32  # (m, 3) row of the edge in the pairs of faces
     lengths: Floats  # (m, 3) length of the edge, negative if the face is the second of its pair
 
 
-def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> FaceSides:
+def _sides(pairs: Ints32, lengths: Floats, face_count: int) -> FaceSides:
     shape = face_count, 3
     across = np.repeat(np.arange(face_count, dtype=np.int32), 3).reshape(shape)
     sides = FaceSides(across, np.zeros(shape, np.int32), np.zeros(shape))
@@ -151,7 +151,7 @@ def _sides(pairs: NDArray[np.int32], lengths: Floats, face_count: int) -> FaceSi
     return sides
 
 
-def difference_operator(pairs: NDArray[np.int32], face_count: int) -> Any:
+def difference_operator(pairs: Ints32, face_count: int) -> Any:
     """Return D, (e, m) sparse, the value of the first face at an edge minus that of the second."""
     signs = np.tile([1.0, -1.0], len(pairs))
     return scipy.sparse.csr_array((signs, pairs.ravel(), np.arange(0, 2 * len(pairs) + 1, 2)), (len(pairs), face_count))

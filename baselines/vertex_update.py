@@ -8,10 +8,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.sparse_solvers import DENSE_LIMIT, Factorisation, solve_once
-from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Bools, Csr, Floats, Index, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import Vector, add, cross, divided, dot, row, scaled, subtract
 from cascadenorm.registry import Parameter
 
@@ -35,7 +34,7 @@ def recover_vertices(
     sweeps: int = 20,
     weighting: Weighting = "uniform",
     foldovers: Foldovers = "avoid",
-    movable: NDArray[np.bool_] | None = None,
+    movable: Bools | None = None,
 ) -> Vectors:
     """Move vertices until the faces have the given normals, (m, 3) unit vectors, by Gauss-Seidel sweeps.
 

@@ -12,6 +12,7 @@ from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.api.regions.shells import Shells, split_into_shells
 from cascadenorm.api.regions.walls import joined_walls, with_region_volumes
 from cascadenorm.baselines.wide_errors import is_wide
+from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, all_in_rows, first_places
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.controls.detail import (
@@ -29,7 +30,7 @@ from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.geometry.volume import closed_parts, with_volume_of
-from cascadenorm.mesh import Ints, Ints32, Mesh, Vectors, all_in_rows, first_places, in_frame, one_blas_thread
+from cascadenorm.mesh import Mesh, in_frame, one_blas_thread
 from cascadenorm.mesh.isolation import without_lines, without_repeated_faces
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
 from cascadenorm.registry import REGION, Method
@@ -228,7 +229,7 @@ class StepSettings(NamedTuple):
         return self._replace(parameters={**self.parameters, REGION: self.parameters[REGION][owners]})
 
 
-def _creases(mesh: Mesh, controls: Controls, order: Renumbered) -> NDArray[np.bool_] | None:
+def _creases(mesh: Mesh, controls: Controls, order: Renumbered) -> Bools | None:
     """Return (e,) bool, the edges that are creases, or None if there are none."""
     creases = cast("float | ArrayLike | None", controls["creases"])  # files have been read already
     edges = None if creases is None else crease_edges(mesh, creases, order.places)
@@ -236,12 +237,7 @@ def _creases(mesh: Mesh, controls: Controls, order: Renumbered) -> NDArray[np.bo
 
 
 def _step(
-    settings: StepSettings,
-    mesh: Mesh,
-    numbers: Ints,
-    parts: Shells | None,
-    creases: NDArray[np.bool_] | None,
-    note: Note | None,
+    settings: StepSettings, mesh: Mesh, numbers: Ints, parts: Shells | None, creases: Bools | None, note: Note | None
 ) -> Step:
     """Return the step that applies the method together with creases, boundary and detail to meshes with these faces.
 
@@ -258,9 +254,7 @@ def _step(
     return lambda walls: joined_walls(parts, walls, each(parts.of(walls)))
 
 
-def _surface_step(
-    settings: StepSettings, mesh: Mesh, numbers: Ints, creases: NDArray[np.bool_] | None, note: Note | None
-) -> Step:
+def _surface_step(settings: StepSettings, mesh: Mesh, numbers: Ints, creases: Bools | None, note: Note | None) -> Step:
     """Return the step for a mesh without shared walls.
 
     `numbers`, (n,), are vertex indices in the input for messages; `creases`, (e,), mark the edges that are creases.
@@ -306,7 +300,7 @@ def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
     return vertices
 
 
-def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: list[Vectors] | None = None) -> Vectors:
+def _accumulated(step: Step, mesh: Mesh, strengths: Floats, known: list[Vectors] | None = None) -> Vectors:
     """Apply a step repeatedly and return the displacement of each vertex over as many steps as its strength.
 
     Results in `known` are reused, and new results are appended to it.
@@ -325,9 +319,7 @@ def _accumulated(step: Step, mesh: Mesh, strengths: NDArray[np.float64], known: 
     return displacement
 
 
-def _volume_preserving(
-    mesh: Mesh, parts: Shells | None, displacement: Vectors, weights: NDArray[np.float64]
-) -> Vectors:
+def _volume_preserving(mesh: Mesh, parts: Shells | None, displacement: Vectors, weights: Floats) -> Vectors:
     """Return a displacement that preserves the volume of closed components and regions; vertices of weight 0 stay."""
     if not displacement.any():
         return displacement

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cascadenorm.api.regions.shells import shells
 from cascadenorm.compute.csr import grouped
@@ -18,7 +18,7 @@ from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.mesh import Mesh, Topology, first_places, ordered_for_cache
+from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, Topology, first_places, ordered_for_cache
 from cascadenorm.mesh.frame import Frame, frame_of
 from cascadenorm.mesh.isolation import repeats_vertex, without_lines, without_repeated_faces
 from cascadenorm.mesh.mesh import checked_faces
@@ -52,9 +52,9 @@ class Whole:
     frame: Frame
     mean_edge_length: float
     groups: int
-    group: NDArray[np.int32]
-    around: NDArray[np.int32]
-    flipped: NDArray[np.bool_]
+    group: Ints32
+    around: Ints32
+    flipped: Bools
 
     @classmethod
     def of(cls, mesh: Any, faces: ArrayLike | None = None) -> "Whole":
@@ -159,7 +159,7 @@ class Whole:
 class Halo:
     """The vertices of a patch that only provide context and do not move."""
 
-    vertices: NDArray[np.bool_]  # (k,) which vertices of the patch
+    vertices: Bools  # (k,) which vertices of the patch
     whole: Whole  # properties of the whole mesh, with the rows of this patch
 
 
@@ -167,12 +167,12 @@ class Halo:
 class Patch:
     """A part of a mesh."""
 
-    vertices: NDArray[np.int64]  # (k,) vertex indices in the whole mesh, ascending
-    faces: NDArray[np.int32]  # (j, 3) indices into `vertices`
+    vertices: Ints  # (k,) vertex indices in the whole mesh, ascending
+    faces: Ints32  # (j, 3) indices into `vertices`
     halo: Halo  # to pass to `denoise`
 
     @property
-    def inside(self) -> NDArray[np.int64]:
+    def inside(self) -> Ints:
         """Vertices of the whole mesh that are in the patch but not in its halo."""
         return self.vertices[~self.halo.vertices]
 

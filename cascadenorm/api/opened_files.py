@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import Applied, reported_controls
@@ -25,7 +24,7 @@ from cascadenorm.io.base import Piece
 from cascadenorm.io.files import beside, check_extension, check_stream, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
-from cascadenorm.mesh import Mesh, row_lengths, without_lines
+from cascadenorm.mesh import Floats, Mesh, row_lengths, without_lines
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
 from cascadenorm.registry.controls import Controls, parsed_length
@@ -179,7 +178,7 @@ def opened_file(
     return Opened(source, output, chosen, file, mesh, resolved, dropped, weld, drop_components)
 
 
-def moved_file(file: io.MeshFile, vertices: NDArray[np.float64], mesh: Mesh, controls: Controls) -> io.MeshFile:
+def moved_file(file: io.MeshFile, vertices: Floats, mesh: Mesh, controls: Controls) -> io.MeshFile:
     """Return the file with new vertices of its mesh, (n, 3), within the displacement limit of the controls."""
     limit = framed_length("max_displacement", controls["max_displacement"], without_lines(mesh), 0)
     return file.with_vertices(vertices, limit=limit)

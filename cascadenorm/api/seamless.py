@@ -10,7 +10,7 @@ from cascadenorm.api.selection import resolve_controls, weld_controls
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.io import MeshFile
 from cascadenorm.io.interop import adapter, as_mesh, is_pair
-from cascadenorm.mesh import Bools, Mesh, bad_faces, bad_vertices, isolated
+from cascadenorm.mesh import Bools, Ints32, Mesh, bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.welding import weld
 from cascadenorm.registry.controls import Controls
 
@@ -20,7 +20,7 @@ class SeamlessMesh(NamedTuple):
 
     given: Any
     vertices: NDArray[Any]  # (k, 3) vertices of `given`
-    welds: NDArray[np.int32]  # (k,) index of each vertex in `mesh`
+    welds: Ints32  # (k,) index of each vertex in `mesh`
     mesh: Mesh
     kept: Bools | None = None  # (m,) whether each face of `given` is in `mesh`; None if all are, or for a file
 

@@ -12,7 +12,7 @@ from cascadenorm.compute.kernels import kernel
 PRIME = 2**31 - 1
 
 
-def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+def first_equal(rows: NDArray[Any]) -> tuple[Ints, Bools] | None:
     """Return the first row equal to each, and whether it equals another, by bits; None if all rows differ."""
     bits = _bits(rows)
     same, repeated = np.empty(len(rows), np.int64), np.zeros(len(rows), bool)
@@ -21,14 +21,14 @@ def first_equal(rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_
     return (same, repeated) if _find_equal(bits, factors, places, same, repeated) else None
 
 
-def repeats(rows: NDArray[Any]) -> tuple[Bools, NDArray[np.int64]]:
+def repeats(rows: NDArray[Any]) -> tuple[Bools, Ints]:
     """Return (k,) bool, the rows equal to an earlier one, and (k,) the first equal row of each."""
     every, found = np.arange(len(rows)), first_equal(rows)
     first = every if found is None else found[0]
     return first != every, first
 
 
-def _bits(rows: NDArray[Any]) -> NDArray[np.int64]:
+def _bits(rows: NDArray[Any]) -> Ints:
     """Return the bits of each row as numbers of eight bytes; two numbers of single precision share one."""
     per_number = 2 if rows.dtype == np.float32 else 1
     width = rows.shape[1]

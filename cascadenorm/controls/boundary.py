@@ -7,9 +7,8 @@ edges match the filtered directions. This corresponds to bilateral normal filter
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, Vectors, scatter_add, unit
 
 BOUNDARY_SPREAD = 1.5  # of the range weight, in median angles between consecutive guidance edges
 ZIGZAG_SPREAD = 0.1  # minimum spread, in mean angles between consecutive boundary edges
@@ -25,22 +24,22 @@ MIN_AREA_FRACTION = 0.05  # minimum share of its area that each face keeps
 class BoundaryEdges(NamedTuple):
     """The b boundary edges of a mesh, directed from tail to head like the face of each."""
 
-    edges: NDArray[np.int32]  # (b, 2) vertex indices: tail, head
-    neighbors: NDArray[np.int64]  # (b, 2) adjacent boundary edge at either end; -1 if there is none or more than one
-    signs: NDArray[np.float64]  # (b, 2) -1 if the adjacent edge has the opposite direction, else 1
+    edges: Ints32  # (b, 2) vertex indices: tail, head
+    neighbors: Ints  # (b, 2) adjacent boundary edge at either end; -1 if there is none or more than one
+    signs: Floats  # (b, 2) -1 if the adjacent edge has the opposite direction, else 1
 
     @property
-    def vertices(self) -> NDArray[np.int32]:
+    def vertices(self) -> Ints32:
         """Boundary vertices, ascending."""
         return np.unique(self.edges)
 
     @property
-    def inner(self) -> NDArray[np.int32]:
+    def inner(self) -> Ints32:
         """Vertices where exactly two boundary edges meet, ascending."""
         return np.unique(self.edges[self.neighbors >= 0])
 
     @classmethod
-    def of(cls, edges: NDArray[np.int32]) -> "BoundaryEdges":
+    def of(cls, edges: Ints32) -> "BoundaryEdges":
         """Find the adjacency of edges, (b, 2) vertex indices, with arbitrary directions."""
         # Number the tail of edge e as end 2 e and its head as 2 e + 1; pair the ends where exactly two meet at a vertex
         ends = edges.ravel()
@@ -55,7 +54,7 @@ class BoundaryEdges(NamedTuple):
         return cls(edges, partners // 2, np.where(partners % 2 == np.arange(2), -1.0, 1.0))
 
 
-def boundary_edges(mesh: Mesh, faces: NDArray[np.int32] | None = None) -> BoundaryEdges:
+def boundary_edges(mesh: Mesh, faces: Ints32 | None = None) -> BoundaryEdges:
     """Return the boundary edges of a mesh, without the degenerate edges of faces that repeat a vertex.
 
     If the mesh was cut, `faces` are its faces in the mesh that the edges are to refer to.
@@ -88,7 +87,7 @@ def smoothed_boundary(mesh: Mesh, boundary: BoundaryEdges, vertices: Vectors) ->
     return _unflipped(mesh.moved(vertices), smoothed, boundary.inner)
 
 
-def _unflipped(mesh: Mesh, vertices: Vectors, movable: NDArray[np.int32]) -> Vectors:
+def _unflipped(mesh: Mesh, vertices: Vectors, movable: Ints32) -> Vectors:
     """Return the vertices, (n, 3), which change in place, without flipping faces relative to the mesh.
 
     A face with three boundary vertices flips if the smoothed boundary turns inward. The `movable` vertices, given by
@@ -195,7 +194,7 @@ def _guidance(directions: Vectors, lengths: Floats, boundary: BoundaryEdges) -> 
     return unit(along, otherwise=directions)
 
 
-def _chords(directions: Vectors, boundary: BoundaryEdges) -> NDArray[np.float64]:
+def _chords(directions: Vectors, boundary: BoundaryEdges) -> Floats:
     """Return (b, 2) chords between the direction of each edge and those of its neighbors."""
     chords = directions[:, None] - boundary.signs[:, :, None] * directions[boundary.neighbors]
     return np.asarray(np.linalg.norm(chords, axis=2))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Ints32, Mesh, Vectors, first_places, scatter_add
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, first_places, scatter_add
 
 MEAN_WEIGHT = 0.02  # weight h of the mean of the copies, relative to 1 - cos of the angle between two sides
 
@@ -19,7 +19,7 @@ class CreaseSides(NamedTuple):
     """A mesh cut along its creases, with one copy of a vertex for each side that meets there."""
 
     mesh: Mesh  # with k vertices, the first n of which are those of the original mesh; faces keep their order
-    owners: NDArray[np.int64]  # (k,) original vertex of each copy, starting with 0 … n - 1
+    owners: Ints  # (k,) original vertex of each copy, starting with 0 … n - 1
 
     def of(self, mesh: Mesh) -> Mesh:
         """Cut the original mesh with new positions in the same way."""
@@ -55,7 +55,7 @@ class CreaseSides(NamedTuple):
         return joined
 
 
-def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None = None) -> NDArray[np.bool_]:
+def crease_edges(mesh: Mesh, creases: float | ArrayLike, places: Ints32 | None = None) -> Bools:
     """Return (e,) bool, whether each edge of the mesh is a crease.
 
     `creases` is an angle in degrees, which selects the edges whose two face normals differ by more than that, or (k, 2)
@@ -88,7 +88,7 @@ def renumbered_creases(creases: Any, numbers: NDArray[np.integer[Any]]) -> Any:
     return found[(~exist | (found >= 0)).all(axis=1)]
 
 
-def _angles(mesh: Mesh) -> NDArray[np.float64]:
+def _angles(mesh: Mesh) -> Floats:
     """Return (e,) angles between the normals of the two faces of each edge; 0 for edges without exactly two faces."""
     topology = mesh.topology
     first, second = mesh.face_normals[topology.face_pairs.T]
@@ -101,7 +101,7 @@ def _angles(mesh: Mesh) -> NDArray[np.float64]:
     return angles
 
 
-def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDArray[np.bool_]:
+def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> Bools:
     """Return (e,) bool, whether each edge joins one of the given pairs of vertices."""
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise ParameterError(
@@ -132,7 +132,7 @@ def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> NDA
     return creases
 
 
-def cut_along(mesh: Mesh, creases: NDArray[np.bool_]) -> CreaseSides:
+def cut_along(mesh: Mesh, creases: Bools) -> CreaseSides:
     """Cut a mesh along creases, (e,) bool; faces at a vertex share a copy if other edges connect them.
 
     Vertices that no crease touches stay whole. Where creases end within the surface, nothing is cut.

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, unit
@@ -54,7 +53,7 @@ def sliding(mesh: Mesh) -> Sliding:
     return Sliding(vertices, np.einsum("kia,ka,kja->kij", axes, free.astype(float), axes))
 
 
-def outer_planes(mesh: Mesh) -> tuple[Vectors, NDArray[np.float64]]:
+def outer_planes(mesh: Mesh) -> tuple[Vectors, Floats]:
     """Return the planes <n, x> = d of the flat sides of a mesh, as (p, 3) unit normals n and (p,) offsets d.
 
     They are the planes of those facets of the convex hull that cover at least half of the outline of the hull along

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Mesh, first_places
+from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, first_places
 from cascadenorm.registry.controls import Controls
 
 
-def vertex_weights(mesh: Mesh, controls: Controls, faces: NDArray[np.int32]) -> NDArray[np.float64]:
+def vertex_weights(mesh: Mesh, controls: Controls, faces: Ints32) -> Floats:
     """Return (n,) factors of the strength: the mask, with 0 for fixed, unselected and unreferenced vertices.
 
     A fixed boundary is not included. `faces` are those that `only` refers to, which may be more than those of the mesh.
@@ -46,17 +46,17 @@ def mask_weights(given: Any, count: int) -> NDArray[Any]:
     return mask
 
 
-def selected_vertices(name: str, given: Any, count: int) -> NDArray[np.bool_]:
+def selected_vertices(name: str, given: Any, count: int) -> Bools:
     """Return (count,) bool for vertices selected by indices or by (count,) bool; refuse other selections."""
     return _selected(name, np.asarray(given), count, "vertex", "vertices")
 
 
-def selected_faces(only: Any, count: int) -> NDArray[np.bool_]:
+def selected_faces(only: Any, count: int) -> Bools:
     """Return (count,) bool for faces selected by indices or by (count,) bool; refuse other selections."""
     return _selected("only", np.asarray(only), count, "face", "faces")
 
 
-def _selected(name: str, given: NDArray[Any], count: int, one: str, several: str) -> NDArray[np.bool_]:
+def _selected(name: str, given: NDArray[Any], count: int, one: str, several: str) -> Bools:
     if given.dtype == bool and given.shape == (count,):
         return given
     if given.ndim != 1 or (given.dtype.kind not in "iu" and given.size > 0):

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
 from cascadenorm.detection.voxel_lattice import VoxelLattice, lattice_of_grey_values, lattice_of_mask
@@ -94,7 +93,7 @@ def _voxel(lattice: VoxelLattice, exponent: int) -> tuple[float, float, float] |
     return (a, b, c) if np.isfinite([a, b, c]).all() else None
 
 
-def correlation_length(points: Vectors, values: NDArray[np.float64]) -> float:
+def correlation_length(points: Vectors, values: Floats) -> float:
     """Return the distance at which the autocorrelation of values, (n,), not all zero, at points, (n, 3), falls to 1/e.
 
     The positions and the result are in mean edge lengths, with linear interpolation between bins. It is at most the

@@ -40,7 +40,7 @@ class Gate:
             nodes = np.where(inner, self.children[nodes, upper.astype(np.intp)], nodes)
         return float(self.shares[nodes].mean(dtype=np.float64))
 
-    def arrays(self) -> dict[str, NDArray[np.float32] | NDArray[np.int32]]:
+    def arrays(self) -> dict[str, Floats32 | Ints32]:
         """Return all arrays by the names of the constructor's parameters."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 

@@ -3,7 +3,6 @@
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, any_in_rows, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.averages import averaged
@@ -46,7 +45,7 @@ def noise_level(mesh: Mesh) -> float | None:
     return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST_EDGES else None
 
 
-def local_noise(mesh: Mesh) -> NDArray[np.float64]:
+def local_noise(mesh: Mesh) -> Floats:
     """Estimate the noise along the normal around each vertex, (n,), in mean edge lengths of the mesh.
 
     The estimate is the root mean square of the differences described in `noise_level`, over the edges of a vertex and
@@ -63,7 +62,7 @@ def local_noise(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(variance) / mesh.mean_edge_length)
 
 
-def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float64]:
+def _differences_along(mesh: Mesh, edges: Ints32) -> Floats:
     """Return the normalised difference e of each edge; NaN if all neighbours of an end coincide with it."""
     around = mesh.topology.vertex_neighbors
     differences = np.empty(len(edges))
@@ -72,7 +71,7 @@ def _differences_along(mesh: Mesh, edges: NDArray[np.int32]) -> NDArray[np.float
     return differences
 
 
-def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
+def _inner_edges(mesh: Mesh) -> Ints32:
     """Return the interior edges without an end on a boundary or non-manifold edge."""
     edges, inner = mesh.topology.edges, mesh.topology.edge_faces.counts == 2
     on_border = np.zeros(len(mesh.vertices), bool)
@@ -80,7 +79,7 @@ def _inner_edges(mesh: Mesh) -> NDArray[np.int32]:
     return np.asarray(edges[inner & ~any_in_rows(on_border[edges])])
 
 
-def _clipped_deviation(differences: NDArray[np.float64]) -> float:
+def _clipped_deviation(differences: Floats) -> float:
     """Return the standard deviation of the zero-mean Gaussian that fits the smaller differences."""
     sizes = np.abs(differences)
     deviation = float(np.quantile(sizes, START) / _NORMAL.inv_cdf(0.5 + START / 2))

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, lattice_of_mask, some_edge_vectors
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, first_of_each, pair_products, part_of
@@ -85,7 +84,7 @@ def _cells(points: Vectors, lattice: VoxelLattice) -> list[Ints]:
     return [np.floor(places[single & off[:, axis], axis]).astype(np.int64) for axis in range(3)]
 
 
-def _nodes(places: NDArray[np.float64]) -> float:
+def _nodes(places: Floats) -> float:
     """Return the offset of the planes of nodes in 0 … 1, from the vertices on lattice edges along the other axes."""
     shares = places - np.floor(places)
     near = np.round(shares / CLOSE).astype(np.int64) % round(1 / CLOSE)

@@ -58,7 +58,7 @@ def _valence_figures(mesh: Mesh, faces: NDArray[np.intp]) -> Floats:
     return np.array([*((valences == valence).mean() for valence in VALENCES), (valences > VALENCES[-1]).mean()])
 
 
-def _angle_figures(sides: NDArray[np.float64], lengths: Floats) -> Floats:
+def _angle_figures(sides: Floats, lengths: Floats) -> Floats:
     ahead, back = sides, -np.roll(sides, 1, axis=1)
     products = np.maximum(lengths * np.roll(lengths, 1, axis=1), np.finfo(float).tiny)
     cosines = np.einsum("ijk,ijk->ij", ahead, back) / products

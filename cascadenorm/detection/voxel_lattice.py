@@ -3,11 +3,10 @@
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Ints, Mesh, Vectors, scatter_add
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, scatter_add
 
-VoxelLattice = NDArray[np.float64]  # (3, 3), the edge vectors of a voxel as rows
+VoxelLattice = Floats  # (3, 3), the edge vectors of a voxel as rows
 
 MOST_EDGES = 20_000  # number of edges from which only some are evaluated
 SAME_VECTOR = 2e-3  # bin width in mean edge lengths for equal edge vectors and coordinates
@@ -134,7 +133,7 @@ def lattice_of_grey_values(mesh: Mesh) -> VoxelLattice | None:
     return np.diag(np.array(spacings, np.float64))
 
 
-def _even_spacing(values: NDArray[np.float64], edge: float) -> float | None:
+def _even_spacing(values: Floats, edge: float) -> float | None:
     """Return the spacing of the values shared by many vertices, or None.
 
     These values must be evenly spaced and cover enough of the vertices (see ON_NODES).

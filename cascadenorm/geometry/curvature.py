@@ -1,14 +1,13 @@
 """Mean curvature at vertices."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.laplacians import face_cotangents
 from cascadenorm.mesh import Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import add, row, scaled, squared_distance, subtract
 
 
-def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
+def mean_curvature(mesh: Mesh) -> Floats:
     """Return the mean curvature H at each vertex from Δx = -2Hn over mixed Voronoi areas (Meyer et al. 2003).
 
     The (n,) values are in 1 / mesh unit: 1/r on an outward-oriented sphere of radius r. They are NaN on the boundary,
@@ -25,7 +24,7 @@ def mean_curvature(mesh: Mesh) -> NDArray[np.float64]:
     return np.where(np.isfinite(curvature), curvature, np.nan)
 
 
-def mixed_areas(mesh: Mesh) -> NDArray[np.float64]:
+def mixed_areas(mesh: Mesh) -> Floats:
     """Return the (n,) mixed area of each vertex: its Voronoi cell, with fixed shares of obtuse triangles."""
     shares = np.empty(mesh.faces.shape)
     parallel_for(len(shares), _share_range, mesh.vertices, mesh.faces, mesh.areas, shares)

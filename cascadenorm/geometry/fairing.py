@@ -4,13 +4,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Laplacian, Order, VertexMask, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
-from cascadenorm.mesh import Mesh, Vectors, first_places
+from cascadenorm.mesh import Ints, Mesh, Vectors, first_places
 
 
 def fair(
@@ -36,7 +35,7 @@ def fair(
     return mesh.vertices.copy()
 
 
-def _energy(mesh: Mesh, laplacian: Laplacian, inside: NDArray[np.int64], order: Order) -> tuple[Any, Any]:
+def _energy(mesh: Mesh, laplacian: Laplacian, inside: Ints, order: Order) -> tuple[Any, Any]:
     """Return the matrix S (W S)^(order - 1), and a solver for its submatrix inside the region.
 
     W is M⁻¹, but 0 at fixed boundary vertices: they have neighbours on one side only, so their Laplacian would not

@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, pair_products, parallel_for
+from cascadenorm.mesh import Bools, Bytes, Floats, Ints32, Mesh, Vectors, kernel, pair_products, parallel_for
 from cascadenorm.mesh.vectors import dot, length, row
 
 STEP_HALVINGS = 8  # halvings of the displacement of a vertex before the vertex returns to its input position
@@ -16,7 +15,7 @@ LEAST_FLOAT = float(np.finfo(float).tiny)
 
 
 def without_flips(
-    mesh: Mesh, vertices: Vectors, *, may_flip: NDArray[np.bool_] | None = None, smooth: NDArray[np.bool_] | None = None
+    mesh: Mesh, vertices: Vectors, *, may_flip: Bools | None = None, smooth: Bools | None = None
 ) -> Vectors:
     """Reduce displacements to (n, 3) positions that would flip faces, or fold edges without independent vertex noise.
 
@@ -48,12 +47,8 @@ def without_flips(
 
 
 def halved_where_flipped(
-    mesh: Mesh,
-    vertices: Vectors,
-    held: NDArray[np.bool_],
-    halvings: NDArray[np.uint8],
-    pairs: NDArray[np.int32] | None = None,
-) -> NDArray[np.bool_]:
+    mesh: Mesh, vertices: Vectors, held: Bools, halvings: Bytes, pairs: Ints32 | None = None
+) -> Bools:
     """Add one halving, in place, for the vertices of faces that flip or fold, and return these faces, (m,) bool.
 
     The `held` faces, (m,), may not flip, and the normals of the pairs of adjacent faces, (p, 2), may differ by at most
@@ -68,12 +63,12 @@ def halved_where_flipped(
     return np.asarray(flipped)
 
 
-def _flipped(mesh: Mesh, moved: Mesh) -> NDArray[np.bool_]:
+def _flipped(mesh: Mesh, moved: Mesh) -> Bools:
     """Return (m,) faces whose normals turn by 90° or more."""
     return np.asarray(np.einsum("ij,ij->i", moved.area_vectors, mesh.face_normals) <= 0)
 
 
-def _harmful_flips(mesh: Mesh, moved: Mesh, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _harmful_flips(mesh: Mesh, moved: Mesh, among: Bools) -> Bools:
     """Return (m,) faces among some that are flipped, but agree no better with the adjacent faces than before."""
     flipped = among & (mesh.areas > 0) & _flipped(mesh, moved)
     if not flipped.any():
@@ -85,12 +80,12 @@ def _harmful_flips(mesh: Mesh, moved: Mesh, among: NDArray[np.bool_]) -> NDArray
     return np.asarray(flipped & (one + other <= 0))
 
 
-def _folded(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _folded(mesh: Mesh, pairs: Ints32) -> Bools:
     """Return (p,) whether the normals of each pair of faces differ by more than 105°."""
     return np.asarray(pair_products(mesh.face_normals, pairs) < FOLDOVER_COSINE)
 
 
-def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8]) -> Vectors:
+def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: Bytes) -> Vectors:
     """Return vertices with displacements halved the given number of times, or zero after STEP_HALVINGS halvings."""
     moved, back = vertices.copy(), np.flatnonzero(halvings)
     share = np.where(halvings[back] > STEP_HALVINGS, 0.0, 0.5 ** halvings[back].astype(np.float64))
@@ -98,7 +93,7 @@ def partly_displaced(mesh: Mesh, vertices: Vectors, halvings: NDArray[np.uint8])
     return moved
 
 
-def foldovers(mesh: Mesh) -> NDArray[np.bool_]:
+def foldovers(mesh: Mesh) -> Bools:
     """Return (m,) whether each face is flipped, or may be flipped given the scatter of the normals around it.
 
     Let n̄ be the area-weighted mean normal of the faces within two rings, and R its length, which is 1 if they all

@@ -11,14 +11,13 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import row, squared_distance
 
 Weights = Literal["uniform", "cotan"]
 Order = Literal[1, 2, 3]  # power of the Laplacian: 1 membrane or diffusion, 2 thin plate, 3 minimum variation
-VertexMask = NDArray[np.bool_]  # (n,) bool mask of vertices
+VertexMask = Bools  # (n,) bool mask of vertices
 MOLLIFICATION = 1e-3  # slack in mean edge lengths; with less, powers of the Laplacian become inaccurate
 
 
@@ -28,15 +27,15 @@ class Laplacian:
 
     # S, (n, n), a scipy.sparse.csr_array, symmetric and positive semidefinite; its rows sum to zero
     stiffness: Any
-    mass: NDArray[np.float64]  # M, (n,); zero for a vertex without a face, which then keeps its value
+    mass: Floats  # M, (n,); zero for a vertex without a face, which then keeps its value
     positions: Vectors  # (n, 3) vertices, which solvers use to order the unknowns
 
     @cached_property
-    def inverse_mass(self) -> NDArray[np.float64]:
+    def inverse_mass(self) -> Floats:
         """(n,) 1 / mass; 0 where the mass is 0."""
         return np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=self.mass > 0)
 
-    def apply(self, values: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
+    def apply(self, values: Floats, order: int = 1) -> Floats:
         """Apply (-Δ)^order to the columns of `values`, (n, c)."""
         for _ in range(order):
             values = self.inverse_mass[:, None] * (self.stiffness @ values)
@@ -91,12 +90,12 @@ def face_cotangents(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> tupl
     return cotangents, areas
 
 
-def vertex_masses(mesh: Mesh, areas: NDArray[np.float64]) -> NDArray[np.float64]:
+def vertex_masses(mesh: Mesh, areas: Floats) -> Floats:
     """Return the (n,) masses: a third of the area of the faces around each vertex."""
     return mesh.sums_around(areas / 3)
 
 
-def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> NDArray[np.float64]:
+def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> Floats:
     """Return the (m, 3) mollified side lengths of each face; side k joins corners k and k + 1."""
     lengths = np.empty(mesh.faces.shape)
     parallel_for(len(lengths), _side_lengths, mesh.vertices, mesh.faces, lengths)
@@ -106,7 +105,7 @@ def intrinsic_lengths(mesh: Mesh, *, mollification: float = MOLLIFICATION) -> ND
     return lengths + max(float(missing), 0.0)
 
 
-def assemble(mesh: Mesh, weights: NDArray[np.float64], mass: NDArray[np.float64]) -> Laplacian:
+def assemble(mesh: Mesh, weights: Floats, mass: Floats) -> Laplacian:
     """Assemble a Laplacian from edge weights, such as (cot α + cot β)/2, and vertex masses."""
     proper = mesh.topology.edges[:, 0] != mesh.topology.edges[:, 1]
     (i, j), w = mesh.topology.edges[proper].T, weights[proper]

@@ -4,19 +4,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
-from cascadenorm.mesh import (
-    Mesh,
-    MeshError,
-    Vectors,
-    angles_between,
-    scaled_alike,
-    without_lines,
-    without_repeated_faces,
-)
+from cascadenorm.mesh import Floats, Mesh, MeshError, Vectors, angles_between, scaled_alike, without_lines
+from cascadenorm.mesh.isolation import without_repeated_faces
 
 APART = 0.5  # mean distance to the ground truth, in diagonals of the smaller mesh, above which meshes are unrelated
 LEAST_SIZE = 1e-90  # smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow
@@ -128,8 +120,8 @@ class Errors(NamedTuple):
     """Errors of the faces and vertices of a mesh against the ground truth."""
 
     # (m,) angle between the normal of each face and the true one, in degrees; NaN if either face has no area
-    angles: NDArray[np.float64]
-    distances: NDArray[np.float64]  # (n,) distance of each vertex to the true surface; NaN for a vertex without a face
+    angles: Floats
+    distances: Floats  # (n,) distance of each vertex to the true surface; NaN for a vertex without a face
 
 
 def errors(mesh: Mesh, reference: Mesh) -> Errors:
@@ -144,7 +136,7 @@ def errors(mesh: Mesh, reference: Mesh) -> Errors:
     return Errors(angles_at_faces(ours, theirs), distances)
 
 
-def angles_at_faces(ours: Vectors, theirs: Vectors) -> NDArray[np.float64]:
+def angles_at_faces(ours: Vectors, theirs: Vectors) -> Floats:
     """Return the (m,) angles between two normals of each face in degrees; NaN if either is zero."""
     return np.degrees(angles_between(ours, theirs, undefined=np.nan))
 

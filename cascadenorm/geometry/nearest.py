@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.mesh import SMALLEST_COSTLY_CHUNK, Floats, Ints, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.ordering import morton_codes
@@ -15,8 +14,8 @@ LEAF_TRIANGLES = 4  # triangles in a leaf box
 class Nearest(NamedTuple):
     """The distance of each point to the surface, and a face with the nearest point."""
 
-    distances: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    distances: Floats
+    faces: Ints
 
 
 class SurfaceTree:

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.mesh import (
     SMALLEST_COSTLY_CHUNK,
@@ -27,7 +26,7 @@ UNLIMITED = 2**31 - 1
 LEAST_SEARCHES = 16  # smallest number of centres for a thread: a few large neighbourhoods are worth several threads
 
 
-def within(centers: Vectors, radii: NDArray[np.float64], points: Vectors, graph: Csr, seeds: Csr) -> Csr:
+def within(centers: Vectors, radii: Floats, points: Vectors, graph: Csr, seeds: Csr) -> Csr:
     """Find the points, (p, 3), within a radius of each centre that are connected to its seeds through such points.
 
     There are (k, 3) centres and (k,) radii. The graph has the neighbours of each point, and the seeds, k rows, are the
@@ -61,7 +60,7 @@ def each_alone(count: int) -> Csr:
     return Csr(np.arange(count + 1, dtype=np.int64), np.arange(count, dtype=np.int32))
 
 
-def steps_from(topology: Topology, seeds: NDArray[np.bool_], most: int) -> Ints32:
+def steps_from(topology: Topology, seeds: Bools, most: int) -> Ints32:
     """Return the (n,) number of edges from each vertex to the nearest seed of (n,) bool, capped at `most` + 1."""
     steps = np.where(seeds, 0, most + 1).astype(np.int32)
     _steps(topology.faces, topology.vertex_faces, np.flatnonzero(seeds).astype(np.int32), most, steps)

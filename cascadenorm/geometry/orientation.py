@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.mesh import Bools, Csr, Floats, Index, Ints32, Mesh, Vectors, kernel
 from cascadenorm.mesh.vectors import cross, dot, row, subtract
@@ -12,9 +11,9 @@ from cascadenorm.mesh.vectors import cross, dot, row, subtract
 class OrientedPatches(NamedTuple):
     """Patches of faces connected across manifold edges."""
 
-    patch: NDArray[np.int32]  # (m,) first face of each face's patch
-    flipped: NDArray[np.bool_]  # (m,) whether each face is oriented opposite to that face
-    at_boundary: NDArray[np.bool_]  # (m,) whether each face has an edge on the boundary of its patch
+    patch: Ints32  # (m,) first face of each face's patch
+    flipped: Bools  # (m,) whether each face is oriented opposite to that face
+    at_boundary: Bools  # (m,) whether each face has an edge on the boundary of its patch
 
 
 def oriented(mesh: Mesh) -> Mesh:
@@ -45,7 +44,7 @@ def oriented_patches(mesh: Mesh) -> OrientedPatches:
     return OrientedPatches(*found)
 
 
-def _to_flip(mesh: Mesh) -> NDArray[np.bool_]:
+def _to_flip(mesh: Mesh) -> Bools:
     """Return (m,) whether each face must be flipped."""
     count, (patch, flipped, at_boundary) = len(mesh.faces), oriented_patches(mesh)
     wanted, volume = np.zeros(count), np.zeros(count)

@@ -5,10 +5,9 @@ import re
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Bools, Mesh
+from cascadenorm.mesh import Bools, Ints, Mesh
 
 SMALL = "1%"  # fraction of the faces of the largest component below which a component counts as small
 
@@ -35,7 +34,7 @@ def component_count(mesh: Mesh) -> int:
     return int(np.count_nonzero(np.bincount(mesh.topology.face_components)))
 
 
-def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, NDArray[np.int64]]:
+def small_components(mesh: Mesh, limit: str | int = SMALL) -> tuple[Bools, Ints]:
     """Find the components with fewer faces than a limit (see `component_limit`), excluding the largest component.
 
     Faces that share a vertex are connected. Returns (m,) bool, whether each face lies in a small component; and the

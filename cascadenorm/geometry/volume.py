@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import cross, dot, row
 
 NEWTON_STEPS = 20  # converges in about five; the volume is a cubic polynomial of the factor
@@ -15,7 +14,7 @@ CLOSED_TOLERANCE = 1e-13
 class Parts(NamedTuple):
     """Connected components that enclose a volume."""
 
-    number: NDArray[np.int64]  # (n,) part of each vertex; -1 if its component is open or not consistently oriented
+    number: Ints  # (n,) part of each vertex; -1 if its component is open or not consistently oriented
     total: int
 
 
@@ -41,7 +40,7 @@ def is_closed(mesh: Mesh) -> bool:
     return bool((closed_parts(mesh).number[mesh.faces[:, 0]] >= 0).all())
 
 
-def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.float64]) -> Vectors:
+def with_volume_of(original: Mesh, vertices: Vectors, *, weights: Floats) -> Vectors:
     """Restore the volume of each closed part by scaling (n, 3) vertices of the original mesh about their mean.
 
     The scaling has a weight, (n,), at each vertex; vertices with weight 0 stay in place. A part is unchanged if its
@@ -67,7 +66,7 @@ def with_volume_of(original: Mesh, vertices: Vectors, *, weights: NDArray[np.flo
     return np.asarray(vertices + _each(np.where(reached, factor, 0.0), parts)[:, None] * pull)
 
 
-def volumes(mesh: Mesh, parts: Parts) -> NDArray[np.float64]:
+def volumes(mesh: Mesh, parts: Parts) -> Floats:
     """Return the (total,) signed volume of each part; negative if the part is inside out."""
     return _volumes(mesh, mesh.vertices - _centers(mesh.vertices, parts), parts)
 
@@ -82,12 +81,12 @@ def _centers(vertices: Vectors, parts: Parts) -> Vectors:
     return centers
 
 
-def _each(values: NDArray[np.float64], parts: Parts) -> NDArray[np.float64]:
+def _each(values: Floats, parts: Parts) -> Floats:
     """Return the (n,) value of each vertex's part; zero outside the parts."""
     return np.where(parts.number >= 0, values[parts.number], 0.0)
 
 
-def _volumes(mesh: Mesh, arms: Vectors, parts: Parts) -> NDArray[np.float64]:
+def _volumes(mesh: Mesh, arms: Vectors, parts: Parts) -> Floats:
     """Return the signed volume of each part: a sixth of the sum of its corner determinants, relative to its centre."""
     determinants = np.empty(len(mesh.faces))
     parallel_for(len(determinants), _determinant_range, arms, mesh.faces, determinants)
@@ -100,7 +99,7 @@ def _determinant_range(start: int, stop: int, arms: Vectors, faces: Ints32, out:
         out[f] = dot(row(arms, faces[f, 0]), cross(row(arms, faces[f, 1]), row(arms, faces[f, 2])))
 
 
-def _volume_slopes(mesh: Mesh, arms: Vectors, pull: Vectors, parts: Parts) -> NDArray[np.float64]:
+def _volume_slopes(mesh: Mesh, arms: Vectors, pull: Vectors, parts: Parts) -> Floats:
     """Return the derivative of the volume of each part as `arms` grow along `pull`."""
     a, b, c = np.moveaxis(arms[mesh.faces], 1, 0)
     u, v, w = np.moveaxis(pull[mesh.faces], 1, 0)
@@ -109,6 +108,6 @@ def _volume_slopes(mesh: Mesh, arms: Vectors, pull: Vectors, parts: Parts) -> ND
     return _sums(mesh, change / 6, parts)
 
 
-def _sums(mesh: Mesh, values: NDArray[np.float64], parts: Parts) -> NDArray[np.float64]:
+def _sums(mesh: Mesh, values: Floats, parts: Parts) -> Floats:
     number = parts.number[mesh.faces[:, 0]]
     return scatter_add(number[number >= 0], values[number >= 0], parts.total)

@@ -6,18 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.compute.arrays import Bools, Vectors, all_in_rows, any_in_rows
+from cascadenorm.compute.arrays import Bools, Ints32, Vectors, all_in_rows, any_in_rows
 from cascadenorm.compute.equal_rows import repeats
 from cascadenorm.errors import MeshError
 from cascadenorm.mesh.mesh import Mesh, face_array, vertex_array
 
 
-def bad_vertices(vertices: ArrayLike) -> NDArray[np.bool_]:
+def bad_vertices(vertices: ArrayLike) -> Bools:
     """Return (n,) whether each vertex is not finite."""
     return ~all_in_rows(np.isfinite(vertex_array(vertices)))
 
 
-def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
+def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> Bools:
     """Return (m,) whether each face repeats a vertex or references one that is not finite or does not exist."""
     corners, bad = face_array(faces), bad_vertices(vertices)
     out_of_range = (corners < 0) | (corners >= len(bad))
@@ -25,7 +25,7 @@ def bad_faces(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.bool_]:
     return touching | repeats_vertex(corners)
 
 
-def repeats_vertex(faces: NDArray[Any]) -> NDArray[np.bool_]:
+def repeats_vertex(faces: NDArray[Any]) -> Bools:
     """Return (m,) whether each of the faces, (m, 3), repeats a vertex."""
     a, b, c = faces.T
     return np.asarray((a == b) | (b == c) | (c == a))
@@ -45,7 +45,7 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[~repeated]) if repeated.any() else mesh
 
 
-def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, NDArray[np.int32]]:
+def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, Ints32]:
     """Return the submesh of some faces, and the numbers of its vertices in the mesh, (k,)."""
     return compacted(mesh.vertices, mesh.faces[faces])
 
@@ -64,7 +64,7 @@ def with_part_moved(mesh: Mesh, faces: Bools, moved: Callable[..., Vectors], *ot
     return vertices
 
 
-def compacted(vertices: NDArray[Any], faces: NDArray[np.int32]) -> tuple[Mesh, NDArray[np.int32]]:
+def compacted(vertices: NDArray[Any], faces: Ints32) -> tuple[Mesh, Ints32]:
     """Return the mesh of the vertices that the faces reference, and the numbers of these vertices, (k,)."""
     numbers, corners = np.unique(faces, return_inverse=True)
     return Mesh(vertices[numbers], corners.reshape(-1, 3)), numbers

@@ -104,7 +104,7 @@ class Mesh:
         mesh.__dict__.update(facts)
         return mesh
 
-    def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, NDArray[np.int32]]]:
+    def __reduce__(self) -> tuple[type["Mesh"], tuple[Vectors, Ints32]]:
         """Pickle and copy the vertices and faces only, without derived arrays."""
         return Mesh, (self.vertices, self.faces)
 
@@ -116,7 +116,7 @@ class Mesh:
         return display.described(self)
 
     @property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Floats:
         """(m, 3, 3) corner positions of each face."""
         return self.vertices[self.faces]
 
@@ -133,19 +133,19 @@ class Mesh:
         return face_area_vectors(self.vertices, self.faces)
 
     @cached_property
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Floats:
         """(m,) area of each face."""
         return row_lengths(self.area_vectors)
 
     @cached_property
-    def longest_edges(self) -> NDArray[np.float64]:
+    def longest_edges(self) -> Floats:
         """(m,) length of the longest edge of each face."""
         out = np.empty(len(self.faces))
         parallel_for(len(out), _longest_range, self.vertices, self.faces, out)
         return out
 
     @cached_property
-    def heights(self) -> NDArray[np.float64]:
+    def heights(self) -> Floats:
         """(m,) height of each face above its longest edge; zero for faces without extent."""
         longest = self.longest_edges
         return np.divide(2 * self.areas, longest, out=np.zeros_like(longest), where=longest > 0)
@@ -225,7 +225,7 @@ class Mesh:
         return _scaled(np.linalg.norm(box[1] - box[0]), exponent)
 
 
-def face_area_vectors(vertices: Vectors, faces: NDArray[np.int32]) -> Vectors:
+def face_area_vectors(vertices: Vectors, faces: Ints32) -> Vectors:
     """Return the (m, 3) area vectors: the normal of each face times its area."""
     out = np.empty(faces.shape)
     parallel_for(len(out), _area_vector_range, vertices, faces, out)
@@ -266,7 +266,7 @@ def _longest_range(start: int, stop: int, vertices: Vectors, faces: Ints32, out:
         out[f] = np.sqrt(longest)
 
 
-def _near_one(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
+def _near_one(values: Floats) -> tuple[Floats, int]:
     """Scale values by 2**-exponent into -1 … 1, so that squares do not overflow; also return the exponent."""
     exponent = int(np.frexp(np.abs(values).max())[1])
     return np.ldexp(values, -exponent), exponent
@@ -318,7 +318,7 @@ def _checked_vertices(vertices: ArrayLike) -> Vectors:
     return array
 
 
-def checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
+def checked_faces(faces: ArrayLike, vertex_count: int) -> Ints32:
     """Return a copy of faces as (m, 3) int32; raise MeshError unless there are any, all of vertices that exist."""
     array = face_array(faces)
     if not len(array) and not vertex_count:

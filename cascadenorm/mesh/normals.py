@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.compute.equal_rows import first_equal
-from cascadenorm.mesh import Bools, Ints, Ints32, Vectors, any_in_rows, kernel, unit
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Vectors, any_in_rows, kernel, unit
 from cascadenorm.mesh.polygons import near_one
 from cascadenorm.mesh.vectors import area_vector, dot, row
 
@@ -23,12 +23,12 @@ class Normals(NamedTuple):
     """Normals as a file stores them."""
 
     values: NDArray[Any]  # (j, 3) as read; NaN where the file has none
-    corners: NDArray[np.int64]  # (m, 3) index of the normal at each triangle corner, or -1
+    corners: Ints  # (m, 3) index of the normal at each triangle corner, or -1
 
 
 def renewed_normals(
-    normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32], before: NDArray[Any], after: NDArray[Any]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    normals: Normals, triangles: Ints, welds: Ints32, before: NDArray[Any], after: NDArray[Any]
+) -> tuple[Floats, Bools]:
     """Recompute the normals of moved triangles as area-weighted means over the triangles that use each normal.
 
     Normals that were equal on both sides of a seam stay equal. If most stored normals are opposite to the orientation
@@ -47,7 +47,7 @@ def renewed_normals(
     return normals.values, renewed
 
 
-def _groups(normals: Normals, triangles: NDArray[np.int64], welds: NDArray[np.int32]) -> NDArray[np.int64]:
+def _groups(normals: Normals, triangles: Ints, welds: Ints32) -> Ints:
     """Return for each normal the first normal with the same value at a copy of the same vertex."""
     groups, owner = np.arange(len(normals.values)), np.full(len(normals.values), UNUSED, np.int32)
     if normals.corners is triangles and welds[-1] == len(welds) - 1:  # a normal for each position, and none is a copy

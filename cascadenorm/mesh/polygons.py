@@ -14,7 +14,7 @@ MOST_CORNERS = 20_000  # largest number of corners of a polygon that is triangul
 MOST_PASSES = 16  # over all corners, needed where rounding errors hide ears; one is nearly always enough
 
 
-def ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def ranges(starts: Ints, counts: Ints) -> Ints:
     """Concatenate the ranges of `counts` consecutive integers from each start."""
     if len(counts) and (counts == counts[0]).all():
         return (starts[:, None] + np.arange(counts[0])).ravel()
@@ -25,16 +25,16 @@ def ranges(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.i
 class Polygons(NamedTuple):
     """Polygon i has the corners corners[indptr[i] : indptr[i + 1]]."""
 
-    indptr: NDArray[np.int64]
-    corners: NDArray[np.int64]
+    indptr: Ints
+    corners: Ints
 
     @classmethod
-    def from_counts(cls, counts: NDArray[np.int64], corners: NDArray[np.int64]) -> "Polygons":
+    def from_counts(cls, counts: Ints, corners: Ints) -> "Polygons":
         """Create polygons with the given numbers of corners."""
         return cls(np.concatenate([np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)]), corners)
 
     @classmethod
-    def from_rows(cls, rows: NDArray[np.int64]) -> "Polygons":
+    def from_rows(cls, rows: Ints) -> "Polygons":
         """Create polygons from rows of corners; all have the same number of corners."""
         return cls(np.arange(0, rows.size + 1, rows.shape[1], dtype=np.int64), rows.ravel())
 
@@ -46,21 +46,21 @@ class Polygons(NamedTuple):
         return Polygons(indptr - indptr[0], self.corners[indptr[0] : indptr[-1]])
 
     @property
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Ints:
         """Number of corners of each polygon."""
         return np.diff(self.indptr)
 
     @property
-    def owners(self) -> NDArray[np.int64]:
+    def owners(self) -> Ints:
         """Polygon of each corner."""
         return np.repeat(np.arange(len(self)), self.counts)
 
-    def out_of_range(self, count: int) -> NDArray[np.bool_]:
+    def out_of_range(self, count: int) -> Bools:
         """Return whether each corner is outside 0 … count - 1."""
         return np.asarray((self.corners < 0) | (self.corners >= count))
 
 
-def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[Ints, Ints]:
     """Triangulate polygons with corners in 0 … k - 1; those with fewer than three corners give no triangle.
 
     Each polygon becomes a fan around the first corner that gives no folded triangle. If there is no such corner, as in
@@ -89,7 +89,7 @@ def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[NDArray[np
     return fans, owners
 
 
-def _fans(polygons: Polygons, chosen: NDArray[np.int64], apex: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _fans(polygons: Polygons, chosen: Ints, apex: int) -> tuple[Ints, Ints]:
     """Cut the chosen polygons into fans around one corner; return the polygon and the corners of each triangle."""
     sizes = np.maximum(polygons.counts[chosen] - 2, 0)
     owners = np.repeat(chosen, sizes)
@@ -99,7 +99,7 @@ def _fans(polygons: Polygons, chosen: NDArray[np.int64], apex: int) -> tuple[NDA
     return owners, polygons.corners[places]
 
 
-def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _turned(positions: NDArray[Any], triangles: Ints, owners: Ints) -> Bools:
     """Return whether each triangle is opposite to the mean normal of its polygon."""
     with np.errstate(all="ignore"):  # positions may be non-finite here
         normals = face_area_vectors(near_one(positions), triangles.astype(np.int32))
@@ -107,7 +107,7 @@ def _turned(positions: NDArray[Any], triangles: NDArray[np.int64], owners: NDArr
         return np.asarray(np.einsum("ij,ij->i", normals, sums[owners]) < 0)
 
 
-def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
+def strips(counts: Ints, corners: Ints) -> Polygons:
     """Convert triangle strips, optionally terminated by -1, to consistently oriented triangles.
 
     Triangles that repeat a vertex only connect two strips and are removed.
@@ -124,7 +124,7 @@ def strips(counts: NDArray[np.int64], corners: NDArray[np.int64]) -> Polygons:
     return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1) & ~repeats_vertex(triangles)])
 
 
-def near_one(positions: NDArray[Any]) -> NDArray[np.float64]:
+def near_one(positions: NDArray[Any]) -> Floats:
     """Return the positions divided by the largest coordinate."""
     with np.errstate(invalid="ignore"):  # triangles with non-finite corners stay non-finite
         scaled = np.array(positions, np.float64, order="C")
@@ -140,7 +140,7 @@ def largest_coordinate(positions: NDArray[Any]) -> float:
     return float(largest) if largest > 0 else 1.0
 
 
-def unit_normals(positions: NDArray[Any], triangles: NDArray[np.int64], largest: float) -> NDArray[np.float32]:
+def unit_normals(positions: NDArray[Any], triangles: Ints, largest: float) -> Floats32:
     """Return the (m, 3) unit normals of triangles; zero for triangles without area.
 
     Triangles index the positions, (k, 3). `largest` is the result of `largest_coordinate` for these positions, or for a
@@ -169,7 +169,7 @@ def unit_normal(a: Three, b: Three, c: Three, largest: float) -> Vector:
     return divided(normal, size) if size > 0 else (0.0, 0.0, 0.0)
 
 
-def ears(corners: NDArray[Any]) -> NDArray[np.int64] | None:
+def ears(corners: NDArray[Any]) -> Ints | None:
     """Triangulate a polygon by ear clipping, projected along its mean normal.
 
     An ear is a convex corner with no other corner in its triangle. The corners, (c, 3), are in order. Returns (c - 2,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Ints32, scatter_add
+from cascadenorm.compute.arrays import Bools, Floats, Ints32, scatter_add
 from cascadenorm.compute.csr import Csr, grouped, joined_rows
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
@@ -29,7 +29,7 @@ class Topology:
     The mesh need not be manifold: an edge may have one, two or more faces. Neighbours are ordered by index only.
     """
 
-    def __init__(self, faces: NDArray[np.int32], vertex_count: int) -> None:
+    def __init__(self, faces: Ints32, vertex_count: int) -> None:
         self.faces = faces
         self.vertex_count = vertex_count
         self._face_rings: dict[int, Csr] = {}
@@ -66,14 +66,14 @@ class Topology:
         return found
 
     @cached_property
-    def edges(self) -> NDArray[np.int32]:
+    def edges(self) -> Ints32:
         """(e, 2) vertices of each undirected edge, lower index first, rows ascending."""
         parts = parallel_for(self.vertex_count, edges_up_range, self.faces, self.vertex_faces)
         up = joined_rows(self.vertex_count, parts)
         return np.stack([up.rows, up.indices], axis=1)
 
     @cached_property
-    def face_edges(self) -> NDArray[np.int32]:
+    def face_edges(self) -> Ints32:
         """(m, 3) edge of each face side; side k joins corners k and (k + 1) % 3."""
         lower, higher = np.ascontiguousarray(self.edges.T)
         up = Csr(np.append(0, np.cumsum(np.bincount(lower, minlength=self.vertex_count))), higher)
@@ -88,31 +88,31 @@ class Topology:
         return rows_with(self.face_edges, len(self.edges))
 
     @cached_property
-    def interior_edges(self) -> NDArray[np.int32]:
+    def interior_edges(self) -> Ints32:
         """Numbers of the edges with exactly two faces."""
         return np.flatnonzero(self.edge_faces.counts == 2).astype(np.int32)
 
     @cached_property
-    def face_pairs(self) -> NDArray[np.int32]:
+    def face_pairs(self) -> Ints32:
         """(i, 2) the two faces of each interior edge, lower index first."""
         out = np.empty((len(self.interior_edges), 2), np.int32)
         parallel_for(len(out), pair_range, self.interior_edges, self.edge_faces, out)
         return out
 
     @cached_property
-    def faces_across(self) -> NDArray[np.int32]:
+    def faces_across(self) -> Ints32:
         """(m, 3) face across each side; -1 if there is none or more than one."""
         out = np.empty(self.face_edges.shape, np.int32)
         parallel_for(len(out), across_range, self.face_edges, self.edge_faces, out)
         return out
 
     @cached_property
-    def balance(self) -> NDArray[np.float64]:
+    def balance(self) -> Floats:
         """(e,) number of faces that traverse each edge from its lower vertex, minus those in the other direction."""
         rising = np.sign(np.roll(self.faces, -1, axis=1) - self.faces)
         return scatter_add(self.face_edges.ravel(), rising.ravel(), len(self.edges))
 
-    def fans(self, across: NDArray[np.bool_] | None = None) -> NDArray[np.int32]:
+    def fans(self, across: Bools | None = None) -> Ints32:
         """Return the (3m,) fan of each face corner: corners at a vertex share a fan if their faces connect there.
 
         Faces are connected across the edges that are true in `across`, (e,); None selects all edges.
@@ -130,14 +130,14 @@ class Topology:
         return connected_components(np.concatenate(links), self.faces.size)
 
     @cached_property
-    def used_vertices(self) -> NDArray[np.bool_]:
+    def used_vertices(self) -> Bools:
         """(n,) whether each vertex is referenced by a face."""
         mask = np.zeros(self.vertex_count, bool)
         mask[self.faces] = True
         return mask
 
     @cached_property
-    def boundary_vertices(self) -> NDArray[np.bool_]:
+    def boundary_vertices(self) -> Bools:
         """(n,) whether each vertex lies on an edge with a single face."""
         mask = np.zeros(self.vertex_count, bool)
         mask[self.edges[self.edge_faces.counts == 1]] = True
@@ -159,17 +159,17 @@ class Topology:
         return grouped(colors)
 
     @cached_property
-    def components(self) -> NDArray[np.int32]:
+    def components(self) -> Ints32:
         """(n,) connected component of each vertex; a vertex without a face is a component of its own."""
         return connected_components(self.edges, self.vertex_count)
 
     @cached_property
-    def face_components(self) -> NDArray[np.int32]:
+    def face_components(self) -> Ints32:
         """(m,) connected component of each face, as in `components`."""
         return self.components[self.faces[:, 0]]
 
 
-def rows_with(numbers: NDArray[np.int32], count: int, fill: Callable[..., None] = fill_groups) -> Csr:
+def rows_with(numbers: Ints32, count: int, fill: Callable[..., None] = fill_groups) -> Csr:
     """Return the rows of an array, (k, w), that contain each of 0 … count - 1, ascending and with repetitions.
 
     With `fill_neighbors`, return the other ends of the rows, which are pairs.

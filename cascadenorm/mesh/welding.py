@@ -7,19 +7,15 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.compute.equal_rows import first_equal
-from cascadenorm.mesh import Mesh, all_in_rows, any_in_rows, connected_components
+from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, all_in_rows, any_in_rows, connected_components
 
 NEIGHBORS = 8
 NEAR = 1e-3  # distance, in median edge lengths, within which boundary vertices nearly coincide
 
 
 def weld(
-    positions: NDArray[Any],
-    triangles: NDArray[np.int64],
-    parts: NDArray[np.int64] | None = None,
-    *,
-    distance: float = 0.0,
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    positions: NDArray[Any], triangles: Ints, parts: Ints | None = None, *, distance: float = 0.0
+) -> tuple[Ints32, Ints]:
     """Weld boundary vertices at the same position, where a file has cut the surface.
 
     Coincident vertices inside a surface are not welded: there, two separate surfaces touch. The triangles, (m, 3),
@@ -36,9 +32,7 @@ def weld(
     return renumbered.ravel()[number].astype(np.int32), first[kept]
 
 
-def near_on_boundary(
-    points: NDArray[Any], on_boundary: NDArray[np.bool_], distance: float, parts: NDArray[np.int64] | None = None
-) -> NDArray[np.int64]:
+def near_on_boundary(points: NDArray[Any], on_boundary: Bools, distance: float, parts: Ints | None = None) -> Ints:
     """Cluster boundary vertices that are near each other, and return the first vertex of each one's cluster, (n,).
 
     Vertices of the same of the `parts`, (n,), are joined if they lie on the boundary and at most `distance` apart, in
@@ -68,7 +62,7 @@ def near_on_boundary(
     return joined
 
 
-def nearly_coincident(mesh: Mesh) -> NDArray[np.bool_]:
+def nearly_coincident(mesh: Mesh) -> Bools:
     """Return (n,) whether each boundary vertex lies near an earlier one without coinciding with it."""
     points, on_boundary = mesh.vertices, mesh.topology.boundary_vertices
     if not on_boundary.any():
@@ -77,9 +71,7 @@ def nearly_coincident(mesh: Mesh) -> NDArray[np.bool_]:
     return np.asarray(near != equal)
 
 
-def _weld_equal(
-    positions: NDArray[Any], triangles: NDArray[np.int64], parts: NDArray[np.int64] | None
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _weld_equal(positions: NDArray[Any], triangles: Ints, parts: Ints | None) -> tuple[Ints32, Ints]:
     """Weld boundary vertices at exactly the same position; positions that are not finite are never the same."""
     found = first_equal(positions if parts is None else np.column_stack([positions, parts]))
     if found is None:
@@ -94,7 +86,7 @@ def _weld_equal(
     return (np.cumsum(leading) - 1)[leads].astype(np.int32), np.flatnonzero(leading)
 
 
-def _on_boundary_edges(triangles: NDArray[np.int64], candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _on_boundary_edges(triangles: Ints, candidates: Bools) -> Bools:
     """Return which candidates lie on an edge with a single triangle."""
     if not candidates.any():
         return candidates

@@ -1,7 +1,6 @@
 """Detect self-intersections: faces that cross other faces of the same mesh."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.compute.arrays import Bools, Floats, Ints, Vectors
 from cascadenorm.geometry.nearest import LEAF_TRIANGLES, SurfaceTree
@@ -12,7 +11,7 @@ MOST_NEAR = 1000  # maximum number of faces that are tested against one face
 DETERMINANT_ROUNDING = 1e-14  # determinants below this share of the product of the edge lengths count as zero
 
 
-def crossing_faces(mesh: Mesh) -> NDArray[np.bool_]:
+def crossing_faces(mesh: Mesh) -> Bools:
     """Return (m,) which faces cross another: an edge of one passes through the interior or the boundary of the other.
 
     Faces that only touch do not count, nor do coplanar overlapping faces and faces that share two vertices or

@@ -3,14 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Floats, Ints32, Vectors, first_of_each, pair_products, scatter_add
+from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, first_of_each, pair_products, scatter_add
 from cascadenorm.geometry.volume import closed_parts, volumes
 from cascadenorm.mesh import Mesh, Topology, connected_components, kernel, parallel_for
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
-
-Mask = NDArray[np.bool_]
 
 FLAT_HEIGHT = 1e-12
 """Ratio of height to longest edge up to which a face counts as degenerate."""
@@ -22,12 +19,12 @@ FOLDED_COSINE = -1e-6
 """Cosine of the angle between the normals of adjacent faces below which an edge is folded: 90° except for rounding."""
 
 
-def flipped_edges(topology: Topology) -> Mask:
+def flipped_edges(topology: Topology) -> Bools:
     """Return (e,) bool, the edges whose two faces traverse them in the same direction."""
     return np.asarray((topology.edge_faces.counts == 2) & (topology.balance != 0))
 
 
-def pinched_vertices(topology: Topology) -> Mask:
+def pinched_vertices(topology: Topology) -> Bools:
     """Return (n,) bool, the vertices whose faces form two or more fans that are not connected at the vertex."""
     fans = topology.fans()
     vertex_of_fan = np.zeros(fans.max(initial=-1) + 1, np.int64)
@@ -42,13 +39,13 @@ def boundary_loop_count(topology: Topology) -> int:
     return len(np.unique(part[boundary]))
 
 
-def thin_faces(mesh: Mesh) -> tuple[Mask, Mask]:
+def thin_faces(mesh: Mesh) -> tuple[Bools, Bools]:
     """Return (m,) bool twice: the faces with zero area up to rounding, and the other slivers."""
     flat = mesh.heights <= FLAT_HEIGHT * mesh.longest_edges
     return np.asarray(flat), np.asarray(~flat & (mesh.heights < THIN * mesh.longest_edges))
 
 
-def spikes(mesh: Mesh) -> Mask:
+def spikes(mesh: Mesh) -> Bools:
     """Return (n,) bool, the interior vertices whose angle sum is less than SPIKE."""
     angles = np.empty(mesh.faces.shape)
     parallel_for(len(angles), _angle_range, mesh.vertices, mesh.faces, angles)
@@ -57,7 +54,7 @@ def spikes(mesh: Mesh) -> Mask:
     return np.asarray(inner & (sums < SPIKE))
 
 
-def folded_edges(mesh: Mesh) -> Mask:
+def folded_edges(mesh: Mesh) -> Bools:
     """Return (i,) bool, the interior edges whose faces have normals more than 90° apart if consistently oriented."""
     topology = mesh.topology
     cosines = pair_products(mesh.face_normals, topology.face_pairs)
@@ -68,14 +65,14 @@ def folded_edges(mesh: Mesh) -> Mask:
 class Enclosed(NamedTuple):
     """The closed, consistently oriented components of a mesh."""
 
-    faces: NDArray[np.int64]  # (c,) first face of each component
-    volumes: NDArray[np.float64]  # (c,) signed volumes; negative for components that are inside out
+    faces: Ints  # (c,) first face of each component
+    volumes: Floats  # (c,) signed volumes; negative for components that are inside out
     # (c,) Euler characteristics V - E + F, which are 2 - 2 · handles for manifold components
-    characteristics: NDArray[np.int64]
-    manifold: Mask  # (c,) bool, whether every vertex of the component has a single fan of faces
+    characteristics: Ints
+    manifold: Bools  # (c,) bool, whether every vertex of the component has a single fan of faces
 
 
-def enclosed(mesh: Mesh, pinched: Mask) -> Enclosed:
+def enclosed(mesh: Mesh, pinched: Bools) -> Enclosed:
     """Measure the closed components of a mesh; pinched vertices, (n,) bool, have several fans of faces."""
     closed = closed_parts(mesh)
     number, total = closed

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cascadenorm.api.apply import run_with_controls
 from cascadenorm.api.inspection.crossings import crossing_faces
@@ -28,6 +28,7 @@ from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.learned.methods import MeshTreatment
 from cascadenorm.mesh import (
+    Bools,
     Mesh,
     any_in_rows,
     bad_faces,
@@ -229,7 +230,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     )
 
 
-def _shape(given: GivenMesh, mesh: Mesh, good: NDArray[np.bool_], self_intersections: bool | None) -> dict[str, Any]:
+def _shape(given: GivenMesh, mesh: Mesh, good: Bools, self_intersections: bool | None) -> dict[str, Any]:
     """Return the properties that depend on the good faces, of which `mesh` consists."""
     small, exponent = in_frame(mesh)
     topology, around = mesh.topology, mesh.topology.edge_faces.counts

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm import io
 from cascadenorm.io.interop import arrays_of, as_file, is_stored, source_name
-from cascadenorm.mesh import Mesh, MeshError, first_of_each
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, MeshError, first_of_each
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
 PLACES = 10
@@ -29,28 +29,28 @@ class GivenMesh(NamedTuple):
     source: str
     number_type: str
     counts_from: int
-    vertices: NDArray[np.float64]  # (n, 3), not checked
+    vertices: Floats  # (n, 3), not checked
     faces: NDArray[Any]  # (m, 3), not checked
     # vertex_numbers, face_numbers: (n,) and (m,) numbers in the source, counted from 0
-    vertex_numbers: NDArray[np.int64]
-    face_numbers: NDArray[np.int64]
+    vertex_numbers: Ints
+    face_numbers: Ints
     file_vertices: int  # number of positions in the source
     # the mesh of the source, whose connectivity is shared with other inspections; None if the source is not valid
     mesh: Mesh | None
 
-    def at_vertices(self, bad: NDArray[np.bool_]) -> Found:
+    def at_vertices(self, bad: Bools) -> Found:
         """Locate vertices."""
         return self._found(self.vertex_numbers[bad])
 
-    def at_faces(self, bad: NDArray[np.bool_]) -> Found:
+    def at_faces(self, bad: Bools) -> Found:
         """Locate faces; a polygon that was triangulated counts once and is listed once."""
         return self._found(np.unique(self.face_numbers[bad]))
 
-    def at_edges(self, edges: NDArray[np.int32]) -> Found:
+    def at_edges(self, edges: Ints32) -> Found:
         """Locate edges by the numbers of their vertices."""
         return self._found(self.vertex_numbers[edges])
 
-    def _found(self, places: NDArray[np.int64]) -> Found:
+    def _found(self, places: Ints) -> Found:
         named: Sequence[Any] = (places[:PLACES] + self.counts_from).tolist()
         return Found(len(places), tuple(tuple(place) if isinstance(place, list) else place for place in named))
 

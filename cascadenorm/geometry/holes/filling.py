@@ -4,14 +4,13 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.fairing import fair
 from cascadenorm.geometry.holes.refinement import refine
 from cascadenorm.geometry.holes.triangulation import triangulate_loop
 from cascadenorm.geometry.laplacians import Order
-from cascadenorm.mesh import Mesh, in_frame, scatter_add, without_lines
+from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, in_frame, scatter_add, without_lines
 
 FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 
@@ -27,9 +26,9 @@ Outer = Literal["keep", "fill"]
 class Holes(NamedTuple):
     """The boundary loops of a mesh, each as an array of vertices."""
 
-    closed: list[NDArray[np.int32]]  # those that are filled
-    outer: list[NDArray[np.int32]]  # outer boundaries of open components, which are kept
-    long: list[NDArray[np.int32]]  # others with too many edges, which are kept
+    closed: list[Ints32]  # those that are filled
+    outer: list[Ints32]  # outer boundaries of open components, which are kept
+    long: list[Ints32]  # others with too many edges, which are kept
 
 
 def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, outer: Outer = "keep") -> Mesh:
@@ -112,7 +111,7 @@ def _sorted(mesh: Mesh, max_edges: int | None, outer: Outer) -> Holes:
     return holes
 
 
-def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
+def _outer_boundaries(mesh: Mesh, loops: list[Ints32]) -> set[int]:
     """Return the indices of the loops that are the outer boundary of an open component."""
     part, areas = mesh.topology.components, np.bincount(mesh.topology.face_components, mesh.areas)
     longest: dict[int, tuple[float, int]] = {}
@@ -126,7 +125,7 @@ def _outer_boundaries(mesh: Mesh, loops: list[NDArray[np.int32]]) -> set[int]:
     return {number for of_part, (length, number) in longest.items() if length**2 >= OUTER * areas[of_part]}
 
 
-def boundary_loops(mesh: Mesh) -> list[NDArray[np.int32]]:
+def boundary_loops(mesh: Mesh) -> list[Ints32]:
     """Return the vertices of each boundary loop, in the direction of the faces that would fill it.
 
     A vertex where holes touch belongs to each of their loops, once per loop. Loops are ordered by their lowest edges.
@@ -160,7 +159,7 @@ def _faces_at_boundary(mesh: Mesh) -> dict[tuple[int, int], int]:
     return dict(zip(zip(first.tolist(), second.tolist(), strict=True), face.tolist(), strict=True))
 
 
-def _edges_within(mesh: Mesh, loop: NDArray[np.int32], chords: NDArray[np.int64]) -> NDArray[np.int64]:
+def _edges_within(mesh: Mesh, loop: Ints32, chords: Ints) -> Ints:
     """Return the (e, 2) edges between vertices of a loop, among those of the mesh and the given chords."""
     neighbors = mesh.topology.vertex_neighbors
     pairs = [(np.full(len(row), i), row) for i, row in ((i, neighbors.row(i)) for i in loop)]
@@ -168,13 +167,13 @@ def _edges_within(mesh: Mesh, loop: NDArray[np.int32], chords: NDArray[np.int64]
     return np.asarray(edges[np.isin(edges, loop).all(axis=1)])
 
 
-def _places(loop: NDArray[np.int32], edges: NDArray[np.int64]) -> NDArray[np.int64]:
+def _places(loop: Ints32, edges: Ints) -> Ints:
     """Return the (e, 2) positions along a loop of the ends of edges between its vertices."""
     order = np.argsort(loop)
     return np.asarray(order[np.searchsorted(loop, edges, sorter=order)])
 
 
-def _edge_length_around(mesh: Mesh) -> NDArray[np.float64]:
+def _edge_length_around(mesh: Mesh) -> Floats:
     """Return the (n,) mean edge length at each vertex."""
     ends, n = mesh.topology.edges.ravel(), len(mesh.vertices)
     along = mesh.vertices[ends[1::2]] - mesh.vertices[ends[::2]]

@@ -3,17 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.mesh import Vectors
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Vectors
 
 DENSITY = 2**0.5  # Liepa's α: larger values give more vertices
 MOST_ROUNDS = 60  # of splits, and of flips after each; regular patches never reach this bound
 
-Faces = NDArray[np.int32]
+Faces = Ints32
 
 
-def refine(
-    vertices: Vectors, faces: Faces, scale: NDArray[np.float64], taken: NDArray[np.int64]
-) -> tuple[Vectors, Faces]:
+def refine(vertices: Vectors, faces: Faces, scale: Floats, taken: Ints) -> tuple[Vectors, Faces]:
     """Split the triangles of a patch at their centroids until its edges are about as long as those around it.
 
     The scale, (n,), is the target edge length around each of the (n, 3) vertices of the whole mesh; new vertices get
@@ -36,7 +34,7 @@ def refine(
     return vertices, faces
 
 
-def _flipped(vertices: Vectors, faces: Faces, taken: NDArray[np.int64]) -> Faces:
+def _flipped(vertices: Vectors, faces: Faces, taken: Ints) -> Faces:
     """Flip interior edges of the patch until the sum of their two opposite angles is at most 180°."""
     n = len(vertices)
     taken_keys = _keys(taken, n)
@@ -67,18 +65,18 @@ def _flipped(vertices: Vectors, faces: Faces, taken: NDArray[np.int64]) -> Faces
     return faces
 
 
-def _keys(edges: NDArray[np.integer], n: int) -> NDArray[np.int64]:
+def _keys(edges: NDArray[np.integer], n: int) -> Ints:
     """Return a unique number for each undirected edge."""
     low, high = edges.min(axis=1).astype(np.int64), edges.max(axis=1)
     return np.asarray(low * n + high, np.int64)
 
 
-def _angle(vertices: Vectors, at: Faces, a: Faces, b: Faces) -> NDArray[np.float64]:
+def _angle(vertices: Vectors, at: Faces, a: Faces, b: Faces) -> Floats:
     u, v = vertices[a] - vertices[at], vertices[b] - vertices[at]
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1)))
 
 
-def _stays_upright(vertices: Vectors, a: Faces, b: Faces, c: Faces, d: Faces) -> NDArray[np.bool_]:
+def _stays_upright(vertices: Vectors, a: Faces, b: Faces, c: Faces, d: Faces) -> Bools:
     """Return whether the two new faces have the orientation of the two old ones."""
 
     def area(i: Faces, j: Faces, k: Faces) -> Vectors:

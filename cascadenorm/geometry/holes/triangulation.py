@@ -3,15 +3,14 @@
 import heapq
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cascadenorm.mesh import Bools, Floats, Ints32, Vectors, kernel
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Vectors, kernel
 from cascadenorm.mesh.vectors import cross, length, row, subtract
 
 LARGEST_OPTIMAL = 300  # vertices of a loop; the optimal triangulation takes cubic time
 
 
-def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
+def triangulate_loop(points: Vectors, outside: Vectors, taken: Ints) -> Ints32:
     """Triangulate a loop with the smallest maximum dihedral angle, then the smallest area; return (n - 2, 3) points.
 
     The points, (n, 3), are in the direction of the triangles along the loop. `outside` holds the (n, 3) unit normals of
@@ -35,7 +34,7 @@ def triangulate_loop(points: Vectors, outside: Vectors, taken: NDArray[np.int64]
     return np.array(triangles, np.int32)
 
 
-def _cut_ears(points: Vectors, taken: NDArray[np.int64]) -> NDArray[np.int32]:
+def _cut_ears(points: Vectors, taken: Ints) -> Ints32:
     n, joined = len(points), set(map(tuple, np.sort(taken, axis=1).tolist()))
     before, after = np.roll(np.arange(n), 1), np.roll(np.arange(n), -1)
 

@@ -2,14 +2,13 @@
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.geometry.spectra.farthest_points import spread_samples
 from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
-from cascadenorm.mesh import Csr, Mesh, in_frame, one_blas_thread
+from cascadenorm.mesh import Csr, Ints, Mesh, in_frame, one_blas_thread
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # mean number of local functions at a point
@@ -72,7 +71,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     return Harmonics(np.maximum(values, 0.0), np.asarray(basis @ reduced), laplacian.mass).scaled(exponent)
 
 
-def _local_functions(mesh: Mesh, centers: NDArray[np.int64], reach: float) -> "scipy.sparse.csr_array":
+def _local_functions(mesh: Mesh, centers: Ints, reach: float) -> "scipy.sparse.csr_array":
     """Return the (n, d) local functions of the centres, normalised so that rows sum to 1."""
     n, count = len(mesh.vertices), len(centers)
     positions, seeds = mesh.vertices[centers], Csr(np.arange(count + 1), centers.astype(np.int32))

@@ -4,12 +4,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import Factorisation
-from cascadenorm.mesh import Mesh, in_frame, one_blas_thread
+from cascadenorm.mesh import Floats, Ints, Mesh, in_frame, one_blas_thread
 
 BAND = 60  # eigenpairs around one shift
 EIGENVALUE_TOLERANCE = 1e-10  # relative residual of the inverse; the error is of the order of its square
@@ -19,7 +18,7 @@ TOO_ALIKE = (
     "too many eigenvalues of this mesh coincide to compute harmonics exactly: request fewer, or approximate them"
 )
 
-Pairs = tuple[NDArray[np.float64], NDArray[np.float64]]
+Pairs = tuple[Floats, Floats]
 BoundaryCondition = Literal["free", "fixed"]
 Scale = Literal["keep", "area"]
 
@@ -27,16 +26,16 @@ Scale = Literal["keep", "area"]
 class Harmonics(NamedTuple):
     """The k lowest eigenpairs of -Δ on n vertices: S φ = λ M φ, φᵀ M φ = 1."""
 
-    values: NDArray[np.float64]  # (k,) ascending, in 1 / length²
-    vectors: NDArray[np.float64]  # (n, k)
-    mass: NDArray[np.float64]  # (n,)
+    values: Floats  # (k,) ascending, in 1 / length²
+    vectors: Floats  # (n, k)
+    mass: Floats  # (n,)
 
-    def coefficients(self, functions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def coefficients(self, functions: Floats) -> Floats:
         """Return the (k, c) M-inner products of the columns of `functions`, (n, c), with the eigenvectors."""
         with one_blas_thread():
             return np.asarray(self.vectors.T @ (self.mass[:, None] * functions))
 
-    def combined(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    def combined(self, coefficients: Floats) -> Floats:
         """Return the (n, c) linear combinations of the eigenvectors with (k, c) coefficients."""
         with one_blas_thread():
             return np.asarray(self.vectors @ coefficients)
@@ -95,7 +94,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
     return Harmonics(np.maximum(all_values[lowest], 0.0), vectors, laplacian.mass).scaled(exponent)
 
 
-def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pairs:
+def _lowest(laplacian: Laplacian, inside: Ints, count: int) -> Pairs:
     """Return the lowest eigenpairs among functions that vanish outside some vertices, restricted to these vertices."""
     stiffness, mass = laplacian.stiffness[inside][:, inside], laplacian.mass[inside]
     if len(inside) > DENSE and 3 * count <= len(inside):
@@ -106,7 +105,7 @@ def _lowest(laplacian: Laplacian, inside: NDArray[np.int64], count: int) -> Pair
     return values, root[:, None] * vectors
 
 
-def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> NDArray[np.float64]:
+def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> Floats:
     """Return the lowest eigenvalues of the Laplacian (Reuter, Wolter, Peinecke 2006), invariant under isometries.
 
     Parameters
@@ -174,13 +173,13 @@ def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
     raise ParameterError(TOO_ALIKE)
 
 
-def _band(laplacian: Laplacian, shift: float, count: int, known: NDArray[np.float64] | None = None) -> Pairs:
+def _band(laplacian: Laplacian, shift: float, count: int, known: Floats | None = None) -> Pairs:
     """Return the eigenpairs nearest to a shift, ascending, except those with the eigenvectors `known`."""
     factorisation = _shifted(laplacian, shift)
     root, n = np.sqrt(laplacian.mass), len(laplacian.mass)
     others = np.empty((n, 0)) if known is None else root[:, None] * known
 
-    def apply(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(x: Floats) -> Floats:
         x = x.ravel() - others @ (others.T @ x.ravel())
         x = root * factorisation.solve(root * x)
         return np.asarray(x - others @ (others.T @ x))
@@ -205,9 +204,7 @@ def _shifted(laplacian: Laplacian, shift: float) -> Factorisation:
     return Factorisation(matrix, laplacian.positions)
 
 
-def _completed(
-    laplacian: Laplacian, shift: float, values: NDArray[np.float64], vectors: NDArray[np.float64], missing: int
-) -> Pairs:
+def _completed(laplacian: Laplacian, shift: float, values: Floats, vectors: Floats, missing: int) -> Pairs:
     """Add missing eigenpairs of multiple eigenvalues, which Lanczos may find incompletely, as on symmetric meshes."""
     more, parts = _band(laplacian, shift, missing + 5, vectors)
     values, vectors = np.concatenate([values, more]), np.concatenate([vectors, parts], axis=1)

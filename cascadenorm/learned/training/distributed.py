@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import distributed
 
 from cascadenorm.learned.training.launch import is_single_process
-from cascadenorm.mesh import thread_count
+from cascadenorm.mesh import Floats, thread_count
 
 Made = TypeVar("Made")
 Value = TypeVar("Value", bound=np.generic)
@@ -79,7 +79,7 @@ def all_gather(rows: NDArray[Value]) -> NDArray[Value]:
     return np.concatenate(parts)
 
 
-def all_reduce(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def all_reduce(values: Floats) -> Floats:
     """Add the values of all processes."""
     if world_size() == 1:
         return values

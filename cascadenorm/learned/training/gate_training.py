@@ -20,7 +20,7 @@ from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.gated import ChosenNetworks, GatedCascades
 from cascadenorm.learned.methods import denoised
 from cascadenorm.learned.training import checkpoints
-from cascadenorm.mesh import Floats, angles_between, thread_count
+from cascadenorm.mesh import Bools, Floats, angles_between, thread_count
 
 MOST_WEIGHT = 15.0  # largest weight of a mesh: the difference between the results of the networks, in degrees
 LEAST_WEIGHT = 0.02
@@ -116,7 +116,7 @@ def trained_gate(
     return GatedCascades(vertex, surface, fitted_gate(config, figures, better, weights), card)
 
 
-def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool_]) -> Mapping[str, dict[str, float]]:
+def _mean_angles(families: NDArray[Any], angles: Floats, chosen: Bools) -> Mapping[str, dict[str, float]]:
     columns = {
         "vertex": angles[:, 0],
         "surface": angles[:, 1],
@@ -130,7 +130,7 @@ def _mean_angles(families: NDArray[Any], angles: Floats, chosen: NDArray[np.bool
     return means
 
 
-def fitted_gate(config: GateConfig, figures: Floats, measured: NDArray[np.bool_], weights: Floats) -> Gate:
+def fitted_gate(config: GateConfig, figures: Floats, measured: Bools, weights: Floats) -> Gate:
     """Fit the trees and convert them from scikit-learn."""
     forest = ExtraTreesClassifier(
         config.trees, min_samples_leaf=config.least, max_features=0.2, random_state=config.seed

@@ -11,7 +11,7 @@ from cascadenorm.learned.features import Array, FeatureScaler
 from cascadenorm.learned.packed_normals import unpacked
 from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Ints32, Mesh, Vectors
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Sample:
     """
 
     index: int  # of its pair; given pairs follow the generated ones
-    faces: NDArray[np.int32]
+    faces: Ints32
     noisy: Vectors
     truth: Array
     rows: NDArray[np.intp]
@@ -30,9 +30,7 @@ class Sample:
     """Vertices after the finished stages. None before the first stage."""
 
     @classmethod
-    def drawn(
-        cls, index: int, noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, *, count: int, seed: int
-    ) -> "Sample":
+    def drawn(cls, index: int, noisy: Vectors, faces: Ints32, normals: Vectors, *, count: int, seed: int) -> "Sample":
         """Draw at most `count` of the faces whose true normal is known, that is, not zero."""
         whole = np.flatnonzero(normals.any(axis=1))
         rows = np.sort(np.random.default_rng((seed, index)).choice(whole, min(count, len(whole)), replace=False))

@@ -270,7 +270,7 @@ def _samples(config: TrainConfig, own: Sequence[Pair], folder: Path, progress: P
         )
         progress("noisy/clean pairs", done, len(generated))
 
-    def drawn(noisy: Vectors, faces: NDArray[np.int32], normals: Vectors, index: int) -> Sample:
+    def drawn(noisy: Vectors, faces: Ints32, normals: Vectors, index: int) -> Sample:
         return Sample.drawn(index, noisy, faces, normals, count=config.faces_per_mesh, seed=config.seed)
 
     samples = []
