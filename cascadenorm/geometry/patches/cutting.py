@@ -69,15 +69,6 @@ class MeshPatch:
         )  # fmt: skip
         return narrow, faces
 
-    @classmethod
-    def whole(cls, mesh: Mesh) -> "MeshPatch":
-        """Return a patch that covers a whole mesh."""
-        every = np.ones(len(mesh.vertices), bool)
-        vertices, faces = np.arange(len(mesh.vertices), dtype=np.int32), np.arange(len(mesh.faces), dtype=np.int32)
-        patch = cls(mesh.vertices, mesh.faces, 0, vertices, faces, every, every, {})
-        patch.__dict__["mesh"] = mesh
-        return patch
-
 
 class Cutter:
     """Boxes with equal numbers of the (n, 3) points, from which patches are grown.

@@ -72,17 +72,16 @@ def each_patch(
     receptive_field: int,
     facts: Sequence[str] = (),
     vertices: Sequence[NDArray[Any]] = (),
-    faces: Sequence[NDArray[Any]] = (),
     components: bool = False,
     boxes: Sequence[int] | None = None,
 ) -> Iterator[tuple[MeshPatch, Result]]:
     """Apply work to each patch of a mesh, and yield each patch, without its positions, with the result.
 
-    The work is a picklable function, called with a `MeshPatch` and its rows of the arrays `vertices`, (n, …), and
-    `faces`, (m, …), which it must not change. If it raises `TooNarrow`, it is repeated with a halo of twice the width.
-    Its receptive field is the number of edges around the corners of a face that affect its result. It may also depend
-    on `facts`, properties of the whole mesh such as "mean_edge_length", and on connected components. The boxes are the
-    patches to process, by `MeshPatch.box`; None selects all patches.
+    The work is a picklable function, called with a `MeshPatch` and its rows of the arrays `vertices`, (n, …), which it
+    must not change. If it raises `TooNarrow`, it is repeated with a halo of twice the width. Its receptive field is the
+    number of edges around the corners of a face that affect its result. It may also depend on `facts`, properties of
+    the whole mesh such as "mean_edge_length", and on connected components. The boxes are the patches to process, by
+    `MeshPatch.box`; None selects all patches.
     """
     known = {name: float(getattr(mesh, name)) for name in facts}
     labels = mesh.topology.components if components else None
@@ -97,8 +96,7 @@ def each_patch(
             patch = cutter.patch(mesh, box, rings, known, labels)
             if len(patch.corners):
                 begun.append(without_positions(patch))
-                ids, numbers = patch.vertex_numbers, patch.face_numbers
-                yield patch, *(rows[ids] for rows in vertices), *(rows[numbers] for rows in faces)
+                yield patch, *(rows[patch.vertex_numbers] for rows in vertices)
             del patch  # free its memory before the next patch is cut
 
     while left:
@@ -112,20 +110,15 @@ def each_patch(
         left, rings = narrow, 2 * rings
 
 
-def face_rows(mesh: Mesh, work: Callable[..., NDArray[Any]], *, receptive_field: int, **given: Any) -> NDArray[Any]:
-    """Compute a row for each face, (m, …), patch by patch if requested with `working_in_patches`.
+def face_rows(mesh: Mesh, work: Callable[..., Vectors], *, receptive_field: int, **given: Any) -> Vectors:
+    """Compute a vector for each face, (m, 3), of a mesh that is processed in patches.
 
     The work is as in `each_patch` and returns a row for each face of the patch. Rows of faces in the halo may be wrong.
     """
-    patching = active_patching(mesh)
-    if patching is None:
-        return work(MeshPatch.whole(mesh), *given.get("vertices", ()), *given.get("faces", ()))
-    out: NDArray[Any] | None = None
+    patching, out = _current.get(), np.empty(mesh.faces.shape)
+    assert patching is not None
     for patch, rows in each_patch(mesh, patching, partial(_own_rows, work), receptive_field=receptive_field, **given):
-        if out is None:
-            out = np.empty((len(mesh.faces), *rows.shape[1:]), rows.dtype)
         out[patch.face_numbers[patch.own]] = rows
-    assert out is not None
     return out
 
 
@@ -151,9 +144,10 @@ def normals_by_patches(mesh: Mesh, filtered: Callable[[Mesh], Vectors], *, recep
     `filtered` is a picklable function that returns the filtered normals of a mesh; a patch has the mean edge length of
     the whole mesh. Its receptive field is the number of edges around the corners of a face that affect its normal.
     """
-    return face_rows(
-        mesh, partial(_filter_patch, filtered), receptive_field=receptive_field, facts=["mean_edge_length"]
-    )
+    if active_patching(mesh) is None:
+        return filtered(mesh)
+    work = partial(_filter_patch, filtered)
+    return face_rows(mesh, work, receptive_field=receptive_field, facts=["mean_edge_length"])
 
 
 def _filter_patch(filtered: Callable[[Mesh], Vectors], patch: MeshPatch) -> Vectors:
@@ -169,7 +163,7 @@ def _try_work(work: Callable[..., Result], item: tuple[Any, ...]) -> list[Result
         return []
 
 
-def _own_rows(work: Callable[..., NDArray[Any]], patch: MeshPatch, *values: NDArray[Any]) -> NDArray[Any]:
+def _own_rows(work: Callable[..., Vectors], patch: MeshPatch, *values: NDArray[Any]) -> Vectors:
     return work(patch, *values)[patch.own]
 
 
