@@ -45,21 +45,6 @@ def chord_noise(mesh: Mesh, residuals: Floats) -> Floats:
     return np.asarray(np.sqrt(np.divide(sums[:, 0], sums[:, 1], out=np.full(n, np.inf), where=sums[:, 1] > 0)))
 
 
-def rises(mesh: Mesh, pairs: Ints32) -> Floats:
-    """Return (k,) heights of the two centroids of each pair above each other's planes, summed; below 0 if convex."""
-    out = np.empty(len(pairs))
-    parallel_for(len(out), _rise_range, mesh.centroids, mesh.face_normals, pairs, out)
-    return out
-
-
-@kernel
-def _rise_range(start: int, stop: int, centroids: Vectors, normals: Vectors, pairs: Ints32, out: Floats) -> None:
-    for i in range(start, stop):
-        f, g = pairs[i]
-        across, turn = subtract(row(centroids, g), row(centroids, f)), subtract(row(normals, f), row(normals, g))
-        out[i] = dot(across, turn)
-
-
 @kernel
 def _add_squares(residuals: Floats, edges: Ints32, interior: Ints32, sums: Floats) -> None:
     """Add the squared residual, and 1, of each interior edge to both of its ends."""

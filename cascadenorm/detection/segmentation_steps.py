@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from cascadenorm.detection.chords import rises
 from cascadenorm.detection.voxel_lattice import lattice_share
 from cascadenorm.mesh import (
     Floats,
@@ -78,8 +77,11 @@ def _step_share(mesh: Mesh) -> float:
     has_area = any_in_rows(mesh.face_normals != 0)
     bends = has_area[topology.face_pairs].all(axis=1)
     pairs, ends = topology.face_pairs[bends], topology.edges[topology.interior_edges[bends]]
-    rise = rises(mesh, pairs)
-    length, angle = row_distances(mesh.vertices, ends), angles_between(*mesh.face_normals[pairs.T])
+    first, second = mesh.face_normals[pairs.T]
+    between = mesh.centroids[pairs[:, 1]] - mesh.centroids[pairs[:, 0]]
+    # heights of the two centroids above each other's planes, summed; below 0 at convex edges
+    rise = np.einsum("ij,ij->i", between, first - second)
+    length, angle = row_distances(mesh.vertices, ends), angles_between(first, second)
     rounding = min(COPLANAR * mesh.diagonal, SMALL_HEIGHT * mesh.median_edge_length)
     bend = length * angle * (np.abs(rise) > rounding)
     signed = np.stack([np.copysign(bend, rise), bend], axis=1)
