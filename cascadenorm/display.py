@@ -6,5 +6,4 @@ The package sets it, so that meshes need not import the drawing code.
 from collections.abc import Callable
 from typing import Any
 
-described: Callable[[Any], str] = repr
-"""Return HTML that describes a mesh."""
+described: Callable[[Any], str] = repr  # returns HTML that describes a mesh

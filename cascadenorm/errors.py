@@ -10,8 +10,7 @@ from typing import TypeVar
 
 Located = TypeVar("Located", bound="CascadenormError")
 
-Remedy = tuple[str, object]
-"""Name and value of a setting that solves a problem."""
+Remedy = tuple[str, object]  # name and value of a setting that solves a problem
 
 SettingName = Callable[[str, object], str]
 """Function that returns the name of a setting in an interface, given its name in Python and optionally its value."""

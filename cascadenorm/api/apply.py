@@ -36,10 +36,8 @@ from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
 from cascadenorm.registry import REGION, Method
 from cascadenorm.registry.controls import CONTROLS, Controls
 
-Step = Callable[[Mesh], Vectors]
-"""One application of a method and its controls, mapping a mesh to its new vertices."""
-Note = Callable[[Vectors], None]
-"""Receiver of the vertices that a method returned."""
+Step = Callable[[Mesh], Vectors]  # one application of a method and its controls, mapping a mesh to its new vertices
+Note = Callable[[Vectors], None]  # receiver of the vertices that a method returned
 
 JUDGING_METHOD = "auto"
 """Method whose displacements tell the kind of error of a mesh; it converges, so that it is applied only once."""
@@ -181,8 +179,7 @@ def reported_controls(controls: Controls) -> dict[str, Any]:
 WIDTH_STEP = 2.0
 """Increase in the width of removed detail, in mean edge lengths, per unit of strength above 1 (converging methods)."""
 
-MAX_STRENGTH = 10.0
-"""Upper limit of strength; larger values act as this one, because each unit is a further pass."""
+MAX_STRENGTH = 10.0  # upper limit of strength; larger values act as this one, because each unit is a further pass
 
 UNREPORTED = ("strength", "threads", "progress", "halo")
 """Controls that a report omits: strength has its own field, halos apply to arrays only, and the others do not change

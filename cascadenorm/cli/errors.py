@@ -22,8 +22,7 @@ EXIT_CODES: dict[type[Exception], int] = {
 }
 """Exit code of each error class; the first matching class applies."""
 
-LARGE_STRENGTH = 3.0
-"""Strength above which a command prints a warning."""
+LARGE_STRENGTH = 3.0  # strength above which a command prints a warning
 
 NO_SPACE = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 

@@ -14,8 +14,7 @@ from typer.models import ArgumentInfo, OptionInfo
 
 from cascadenorm.cli.commands import app
 
-CONVERTED = (str, Path, int, float)
-"""Types of values that are called with the text."""
+CONVERTED = (str, Path, int, float)  # types of values that are called with the text
 
 
 class _Declared(NamedTuple):

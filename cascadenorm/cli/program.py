@@ -20,8 +20,7 @@ from cascadenorm.execution.signals import repeat_if_swallowed
 
 USAGE_ERROR = cast(type[Exception], typer.BadParameter.__base__)  # from click, or from the copy of it in typer
 
-_interruptions: list[int] = []
-"""Ctrl-C signals that this process has received."""
+_interruptions: list[int] = []  # Ctrl-C signals that this process has received
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

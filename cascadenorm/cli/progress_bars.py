@@ -12,8 +12,7 @@ if TYPE_CHECKING:  # rich is slow to import, and short commands show no bar
     from rich.progress import Progress as Bars
     from rich.progress import TaskID
 
-BAR_AFTER_S = 0.5
-"""Seconds after which the progress bar of one task appears."""
+BAR_AFTER_S = 0.5  # seconds after which the progress bar of one task appears
 
 
 @contextmanager

@@ -28,12 +28,9 @@ if TYPE_CHECKING:  # imported for type checking only, because each command would
 
 BARS = "▁▂▃▄▅▆▇█"
 CHART_WIDTH = 40
-COARSE_RESOLUTION = 0.01
-"""Resolution of the number type, in mean edge lengths, above which it is reported."""
-MOST_NAMED_FILES = 3
-"""Maximum number of skipped files that are listed by name."""
-PLAIN_WIDTH = 120
-"""Width of a table in characters if the output is not a terminal."""
+COARSE_RESOLUTION = 0.01  # resolution of the number type, in mean edge lengths, above which it is reported
+MOST_NAMED_FILES = 3  # maximum number of skipped files that are listed by name
+PLAIN_WIDTH = 120  # width of a table in characters if the output is not a terminal
 SCHEMA_VERSION = 1
 """Version of the schema; it changes if a key is renamed, removed or redefined, but not if one is added."""
 

@@ -13,12 +13,10 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Ints32 = NDArray[np.int32]
-Index = int | np.integer[Any]
-"""An index or a count in kernels, which are compiled separately for each of its types."""
+Index = int | np.integer[Any]  # an index or a count in kernels, which are compiled separately for each of its types
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
-Vectors = NDArray[np.float64]
-"""(k, 3) float64: positions, normals or displacements."""
+Vectors = NDArray[np.float64]  # (k, 3) float64: positions, normals or displacements
 
 
 def as_array(values: ArrayLike, error: Exception) -> NDArray[Any]:

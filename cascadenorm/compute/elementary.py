@@ -9,22 +9,18 @@ import numpy as np
 from cascadenorm.compute.kernels import inlined, kernel
 
 LOG2_E = float(np.log2(np.e))
-ROUNDING = 1.5 * 2.0**52
-"""Adding it to a number puts the nearest integer into the last bits of the sum."""
+ROUNDING = 1.5 * 2.0**52  # adding it to a number puts the nearest integer into the last bits of the sum
 LOG_2_HIGH, LOG_2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 """ln 2 in two parts; the product of the first part and an exponent is exact."""
-SMALLEST = -708.0
-"""Smaller arguments of `exp` give 0."""
+SMALLEST = -708.0  # smaller arguments of `exp` give 0
 E0, E1, E2, E3, E4, E5 = 1.0, 1.0, 0.5000000000000019, 0.1666666666666668, 0.04166666666648795, 0.008333333333319589
 E6, E7, E8 = 0.0013888888952352863, 0.00019841269890076403, 2.4801485441561313e-05
 E9, E10, E11 = 2.755724088722987e-06, 2.763265472252779e-07, 2.5110049204818658e-08
 
 LOG2_E_SINGLE, LOG_2_SINGLE = np.float32(np.log2(np.e)), np.float32(np.log(2))
 LARGEST_POWER = np.float32(126)
-SIGNIFICAND, BIAS = np.int32(23), np.int32(127)
-"""Number of significand bits and exponent bias in single precision."""
-ROOT_HALF = np.int32(0x3F3504F3)
-"""Bits of √½."""
+SIGNIFICAND, BIAS = np.int32(23), np.int32(127)  # number of significand bits and exponent bias in single precision
+ROOT_HALF = np.int32(0x3F3504F3)  # bits of √½
 P0, P1, P2, P3, P4, P5 = map(np.float32, (1.0000001, 0.6931472, 0.24022107, 0.05550327, 0.009676037, 0.0013400433))
 L2, L3, L4, L5 = map(np.float32, (-0.5, 0.3333341, -0.2500092, 0.19985127))
 L6, L7, L8, L9 = map(np.float32, (-0.16592856, 0.14676397, -0.14118426, 0.09272216))

@@ -28,8 +28,7 @@ from cascadenorm.registry.controls import checked_controls
 
 __all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "FailedRun", "RunResult", "evaluate"]
 
-MEAN = "mean"
-"""Name of the row of means among the pairs."""
+MEAN = "mean"  # name of the row of means among the pairs
 
 DEFAULT_METHODS = ("auto", "cascade", "bilateral-normal", "guided-normal", "l0")
 

@@ -20,8 +20,7 @@ from cascadenorm.mesh import Mesh, MeshError
 
 PLACEHOLDER = re.compile(r"\{(in|out)(?:\.(\w+))?\}")
 """Placeholder for a file in a command; an extension selects the format of the file."""
-TIMEOUT_S = 3600.0
-"""Default time limit of a program for one mesh, in seconds."""
+TIMEOUT_S = 3600.0  # default time limit of a program for one mesh, in seconds
 LAUNCHER = """
 import json, subprocess, sys, time
 start = time.perf_counter()

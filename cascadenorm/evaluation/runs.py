@@ -20,8 +20,7 @@ from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import FilePair, result_file
 from cascadenorm.mesh import Mesh
 
-NOISY = "noisy"
-"""Name of the row that measures the input itself."""
+NOISY = "noisy"  # name of the row that measures the input itself
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,8 +114,7 @@ def clear_caches() -> None:
     _compiled.clear()
 
 
-_compiled: set[str] = set()
-"""Methods that have already run in this process."""
+_compiled: set[str] = set()  # methods that have already run in this process
 
 
 def _denoised(task: Run, noisy: Mesh, file: Path | None) -> tuple[Mesh, float, float | None]:

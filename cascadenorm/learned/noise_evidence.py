@@ -16,8 +16,7 @@ EVEN = (0.5, 0.8)
 TINY = np.radians((0.1, 0.2))
 """Mean angles around a vertex between which the evidence rises from 0 to 1. The networks tell apart normals that
 differ by half a degree or more."""
-ROUNDS = 7
-"""Averaging rounds over vertex neighbours. The means extend as far as the widest context features."""
+ROUNDS = 7  # averaging rounds over vertex neighbours; the means extend as far as the widest context features
 
 
 def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:

@@ -17,8 +17,7 @@ factor of 4 is enough. For errors that are spatially correlated, and for edges t
 estimate is only about a fifteenth of the error."""
 FEWEST_COMPONENT_EDGES = 8
 """Components with fewer edges between two faces are too small for an estimate of their noise; a tetrahedron has 6."""
-FACE_HEIGHTS = 4.0
-"""Bound on the displacement of a vertex, as a multiple of the height of the tallest face around it."""
+FACE_HEIGHTS = 4.0  # bound on the displacement of a vertex, as a multiple of the height of the tallest face around it
 
 
 def safeguarded(mesh: Mesh, vertices: Vectors, measured: Bools | None = None) -> Vectors:

@@ -17,10 +17,8 @@ from cascadenorm.learned.regression import Regression, stage_stack
 from cascadenorm.learned.stage import Stage
 from cascadenorm.mesh import Mesh, Vectors
 
-BY_DISTANCE = 14
-"""First halo width in edges that is tried for filters with a neighbourhood by distance."""
-FACTS = ("mean_edge_length", "median_area")
-"""Facts about the whole mesh that the filters need."""
+BY_DISTANCE = 14  # first halo width in edges that is tried for filters with a neighbourhood by distance
+FACTS = ("mean_edge_length", "median_area")  # facts about the whole mesh that the filters need
 
 
 def stage_normals(stage: Regression, mesh: Mesh, noisy: Mesh) -> Vectors:

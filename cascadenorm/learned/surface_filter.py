@@ -21,20 +21,15 @@ LITTLE_TURNED = np.radians(8.0)
 """Mean angle by which the network turns the faces of a component, below which the component has little noise."""
 HARDLY_TURNED = np.radians((3.0, 5.0))
 """Mean angles by which the network turns a component, between which the effect of the filter rises to its full size."""
-LEAST_OPENNESS = 0.4
-"""Least openness of a component that is seen from one side; a hemisphere has 0.5 (see `openness`)."""
+LEAST_OPENNESS = 0.4  # least openness of a component that is seen from one side; a hemisphere has 0.5 (see `openness`)
 QUADRIC_SHARES = 0.7, 0.3
 """Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
 FIT_RADIUS, SPREAD = 5.0, 2.2
 """Radius of the neighbourhood of a quadric and standard deviation of the weights in it, in mean edge lengths."""
-LEAST_COSINE = 0.5
-"""Least cosine between the normals of a face and its neighbours that take part in its quadric."""
-FEWEST_NEIGHBORS = 12
-"""Faces with fewer neighbours keep their normal; a quadric has six coefficients."""
-DAMPING = 1e-3
-"""Weight that keeps the curvature of a quadric finite where the neighbours lie on few lines."""
-AT_ONCE = 4096
-"""Number of quadrics that are fitted together; each takes about 10 kB."""
+LEAST_COSINE = 0.5  # least cosine between the normals of a face and its neighbours that take part in its quadric
+FEWEST_NEIGHBORS = 12  # faces with fewer neighbours keep their normal; a quadric has six coefficients
+DAMPING = 1e-3  # weight that keeps the curvature of a quadric finite where the neighbours lie on few lines
+AT_ONCE = 4096  # number of quadrics that are fitted together; each takes about 10 kB
 
 
 def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Vectors:

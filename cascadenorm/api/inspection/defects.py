@@ -9,12 +9,10 @@ from cascadenorm.geometry.volume import closed_parts, volumes
 from cascadenorm.mesh import Mesh, Topology, connected_components, kernel, parallel_for
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
-FLAT_HEIGHT = 1e-12
-"""Ratio of height to longest edge up to which a face counts as degenerate."""
+FLAT_HEIGHT = 1e-12  # ratio of height to longest edge up to which a face counts as degenerate
 SPIKE = np.radians(150)
 """Angle sum at a vertex, 360° in a plane, below which it is a spike; corresponds to a cone of half-angle 25°."""
-THIN = 0.01
-"""Ratio of height to longest edge below which a face is a sliver."""
+THIN = 0.01  # ratio of height to longest edge below which a face is a sliver
 FOLDED_COSINE = -1e-6
 """Cosine of the angle between the normals of adjacent faces below which an edge is folded: 90° except for rounding."""
 

@@ -43,10 +43,8 @@ from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
 
-MOST_FACES_CROSSED = 200_000
-"""Maximum number of faces of meshes that are checked for self-intersections by default."""
-MOST_FACES_DENOISED = 300_000
-"""Maximum number of faces for which `auto` is run to determine the kind of error."""
+MOST_FACES_CROSSED = 200_000  # maximum number of faces of meshes that are checked for self-intersections by default
+MOST_FACES_DENOISED = 300_000  # maximum number of faces for which `auto` is run to determine the kind of error
 NONE_FOUND = Found(0, ())
 
 

@@ -12,8 +12,7 @@ from cascadenorm.io.interop import arrays_of, as_file, is_stored, source_name
 from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, MeshError, first_of_each
 from cascadenorm.mesh.mesh import face_array, vertex_array
 
-PLACES = 10
-"""Maximum number of locations that are listed for each finding."""
+PLACES = 10  # maximum number of locations that are listed for each finding
 
 
 @dataclass(frozen=True)

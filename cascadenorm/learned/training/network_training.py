@@ -16,8 +16,7 @@ from cascadenorm.learned.stage import Activation
 from cascadenorm.learned.training import distributed
 from cascadenorm.mesh import limit_threads
 
-GPU_MEMORY_FRACTION = 0.8
-"""Largest share of the free GPU memory that training faces may occupy."""
+GPU_MEMORY_FRACTION = 0.8  # largest share of the free GPU memory that training faces may occupy
 
 
 class TrainingFaces(NamedTuple):

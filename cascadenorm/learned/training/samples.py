@@ -26,8 +26,7 @@ class Sample:
     noisy: Vectors
     truth: Array
     rows: NDArray[np.intp]
-    vertices: Vectors | None = None
-    """Vertices after the finished stages. None before the first stage."""
+    vertices: Vectors | None = None  # vertices after the finished stages; None before the first stage
 
     @classmethod
     def drawn(cls, index: int, noisy: Vectors, faces: Ints32, normals: Vectors, *, count: int, seed: int) -> "Sample":

@@ -35,8 +35,7 @@ from cascadenorm.learned.training.training_log import Pass, Recorder, unrecorded
 from cascadenorm.mesh import Ints32, Vectors, in_blocks, thread_count
 
 KMEANS_FACES = 50_000
-SCALER_MESHES = 500
-"""Number of meshes whose faces determine mean, deviation and principal directions."""
+SCALER_MESHES = 500  # number of meshes whose faces determine mean, deviation and principal directions
 LEAST_DEVIATION = 0.1  # least deviation of a feature; logarithms have a spread of 2 and more, openness of a third
 LEAST_VARIANCE = 0.01  # variance that the pairs chosen before must leave of a pair, as a share of its own
 FEATURES_AT_A_TIME = 32  # number of features whose deviations are computed together, in double precision

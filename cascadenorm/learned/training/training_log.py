@@ -25,8 +25,7 @@ class Pass(NamedTuple):
 
 Recorder = Callable[[Pass], object]
 
-LOG_EXTENSIONS = (".csv", ".jsonl")
-"""Extensions of log files."""
+LOG_EXTENSIONS = (".csv", ".jsonl")  # extensions of log files
 
 
 def unrecorded(done: Pass) -> None:
