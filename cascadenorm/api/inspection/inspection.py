@@ -27,18 +27,9 @@ from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.learned.methods import MeshTreatment
-from cascadenorm.mesh import (
-    Bools,
-    Mesh,
-    any_in_rows,
-    bad_faces,
-    bad_vertices,
-    in_frame,
-    isolated,
-    repeats,
-    repeats_vertex,
-    without_repeated_faces,
-)
+from cascadenorm.mesh import Bools, Mesh, any_in_rows, repeats
+from cascadenorm.mesh.frame import in_frame
+from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_repeated_faces
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
