@@ -58,40 +58,36 @@ def static_dynamic_normal(
     """
     for _ in track(iterations):
         spread = centroid_distance(mesh) if sigma_s is None else sigma_s
-        energy = StaticDynamic(
-            mesh, patch_guidance(mesh), smoothness=smoothness, sigma_s=spread, sigma_g=sigma_g, sigma_r=sigma_r
-        )
+        pairs = weighted_pairs(mesh, patch_guidance(mesh), smoothness=smoothness, sigma_s=spread, sigma_g=sigma_g)
         normals = mesh.face_normals
         for _ in range(passes):
-            normals = energy.descended(normals)
+            normals = descended(mesh, normals, pairs, sigma_r)
         mesh = mesh.moved(fit_vertices(mesh, normals, fit=fit, sweeps=sweeps))
     return mesh.vertices.copy()
 
 
-class StaticDynamic:
-    """The energy of the formula of `static_dynamic_normal`, for the normals n* of a mesh and a guidance, (m, 3).
+def weighted_pairs(
+    mesh: Mesh, guidance: Vectors, *, smoothness: float, sigma_s: float, sigma_g: float
+) -> tuple[Csr, Floats]:
+    """Return the faces within 3 σ_s of each, and the weight of each such pair in the energy for a guidance, (m, 3).
 
     The sum over pairs is scaled so that the result does not depend on how many there are. σ_s is in mean edge lengths.
     """
+    count, neighbors = len(mesh.faces), faces_within(mesh, SPREADS_REACH * sigma_s)
+    parallel_for(count, _sort_rows, neighbors)
+    weights, spatial = np.empty(len(neighbors.indices)), np.empty(count)
+    over_distance, over_guidance = steepness(sigma_s * mesh.mean_edge_length), steepness(sigma_g)
+    arrays = mesh.centroids, mesh.areas, guidance, neighbors
+    parallel_for(count, _pair_weights, *arrays, over_distance, over_guidance, weights, spatial)
+    pairs = 0.5 * spatial.sum()  # each pair was added up from both sides
+    weights *= smoothness * mesh.areas.sum() / pairs if pairs > 0 else 0.0
+    return neighbors, weights
 
-    def __init__(
-        self, mesh: Mesh, guidance: Vectors, *, smoothness: float, sigma_s: float, sigma_g: float, sigma_r: float
-    ) -> None:
-        count = len(mesh.faces)
-        self.given, self.areas, self.sigma_r = mesh.face_normals, mesh.areas, sigma_r
-        self.neighbors = faces_within(mesh, SPREADS_REACH * sigma_s)
-        parallel_for(count, _sort_rows, self.neighbors)
-        self.weights, spatial = np.empty(len(self.neighbors.indices)), np.empty(count)
-        over_distance, over_guidance = steepness(sigma_s * mesh.mean_edge_length), steepness(sigma_g)
-        arrays = mesh.centroids, mesh.areas, guidance, self.neighbors
-        parallel_for(count, _pair_weights, *arrays, over_distance, over_guidance, self.weights, spatial)
-        pairs = 0.5 * spatial.sum()  # each pair was added up from both sides
-        self.weights *= smoothness * mesh.areas.sum() / pairs if pairs > 0 else 0.0
 
-    def descended(self, normals: Vectors) -> Vectors:
-        """Return (m, 3) unit normals after one pass: each minimises a bound of the energy while all others stay."""
-        own = 2 * self.sigma_r**2 * self.areas
-        return joint_bilateral_pass(normals, normals, own, self.neighbors, self.weights, self.sigma_r, given=self.given)
+def descended(mesh: Mesh, normals: Vectors, pairs: tuple[Csr, Floats], sigma_r: float) -> Vectors:
+    """Return (m, 3) unit normals after one pass: each minimises a bound of the energy while all others stay."""
+    own = 2 * sigma_r**2 * mesh.areas
+    return joint_bilateral_pass(normals, normals, own, *pairs, sigma_r, given=mesh.face_normals)
 
 
 @kernel

@@ -87,11 +87,13 @@ class TotalVariation:
         edge, count = mesh.mean_edge_length or 1.0, len(mesh.faces)
         lengths = row_distances(mesh.vertices, mesh.topology.edges[mesh.topology.interior_edges]) / edge
         pairs = mesh.topology.face_pairs
-        self.colors = grouped(_face_colors(_sides(pairs, lengths, count).across))
+        self.colors = grouped(_face_colors(mesh.topology.faces_across))
         self.places = np.empty(count, np.int32)
         self.places[self.colors.indices] = np.arange(count, dtype=np.int32)
         self.pairs = self.places[pairs]
-        self.sides = _sides(self.pairs, lengths, count)
+        itself = np.repeat(np.arange(count, dtype=np.int32), 3).reshape(count, 3)
+        self.sides = FaceSides(itself, np.zeros((count, 3), np.int32), np.zeros((count, 3)))
+        _fill_sides(self.pairs, lengths, np.zeros(count, np.int8), self.sides)
         self.pull = 2 * fidelity * np.maximum(mesh.areas[self.colors.indices] / edge**2, LEAST_AREA_IN_EDGES)
 
         # The matrix is 2αA + r Dᵀl D. The relaxation is optimal (Young 1954) if all faces have the same diagonal.
@@ -143,14 +145,6 @@ class FaceSides(NamedTuple):
     lengths: Floats  # (m, 3) length of the edge, negative if the face is the second of its pair
 
 
-def _sides(pairs: Ints32, lengths: Floats, face_count: int) -> FaceSides:
-    shape = face_count, 3
-    across = np.repeat(np.arange(face_count, dtype=np.int32), 3).reshape(shape)
-    sides = FaceSides(across, np.zeros(shape, np.int32), np.zeros(shape))
-    _fill_sides(pairs, lengths, np.zeros(face_count, np.int8), sides)
-    return sides
-
-
 def difference_operator(pairs: Ints32, face_count: int) -> Any:
     """Return D, (e, m) sparse, the value of the first face at an edge minus that of the second."""
     signs = np.tile([1.0, -1.0], len(pairs))
@@ -170,7 +164,7 @@ def _fill_sides(pairs: Ints32, lengths: Floats, filled: NDArray[np.int8], sides:
 
 @kernel
 def _face_colors(across: Ints32) -> Ints32:
-    """Give each face the smallest colour that no adjacent face has so far."""
+    """Give each face the smallest colour that no face across a side has so far; -1 stands for no such face."""
     colors = np.full(len(across), -1, np.int32)
     for f in range(len(across)):
         color = 0
@@ -182,7 +176,6 @@ def _face_colors(across: Ints32) -> Ints32:
 
 @kernel
 def _weights(start: int, stop: int, given: Vectors, pairs: Ints32, weights: Floats) -> None:
-    """Write exp(-|n*_1 - n*_2|⁴)."""
     for e in range(start, stop):
         squared = squared_distance(row(given, pairs[e, 0]), row(given, pairs[e, 1]))
         weights[e] = np.exp(-squared * squared)

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 import reference
@@ -7,7 +9,7 @@ from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.baselines.guided_normal import patch_guidance
-from cascadenorm.baselines.static_dynamic_normal import StaticDynamic, static_dynamic_normal
+from cascadenorm.baselines.static_dynamic_normal import descended, static_dynamic_normal, weighted_pairs
 from cascadenorm.mesh import unit
 
 ROUGH = noisy(icosphere(2), 0.2)
@@ -15,11 +17,15 @@ GUIDE = patch_guidance(ROUGH)
 SETTINGS = {"smoothness": 2.0, "sigma_s": 0.7, "sigma_g": 0.8, "sigma_r": 0.4}
 
 
+def descent(mesh, guide, *, sigma_r, **given):
+    """The function that takes normals of a mesh through one pass."""
+    return partial(descended, mesh, pairs=weighted_pairs(mesh, guide, **given), sigma_r=sigma_r)
+
+
 def filtered(mesh, guide, passes, **given):
-    energy = StaticDynamic(mesh, guide, **{**SETTINGS, **given})
-    normals = mesh.face_normals
+    one_pass, normals = descent(mesh, guide, **{**SETTINGS, **given}), mesh.face_normals
     for _ in range(passes):
-        normals = energy.descended(normals)
+        normals = one_pass(normals)
     return normals
 
 
@@ -29,24 +35,24 @@ def test_a_pass_equals_its_formula(seed, sigma_r, smoothness):
     mesh = noisy(icosphere(1), 0.3, seed=seed)
     given = {**SETTINGS, "sigma_r": sigma_r, "smoothness": smoothness}
     guide = patch_guidance(mesh)
-    ours, normals = StaticDynamic(mesh, guide, **given), mesh.face_normals
+    one_pass, normals = descent(mesh, guide, **given), mesh.face_normals
     for _ in range(2):  # of which the second one begins away from the given normals
         expected = reference.static_dynamic_pass(mesh, guide, normals, **given)
-        normals = ours.descended(normals)
+        normals = one_pass(normals)
         np.testing.assert_allclose(normals, expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("sigma_r", [0.2, 0.4, 1.5])
 def test_the_energy_falls_with_each_pass_until_it_is_stationary(sigma_r):
     given = {**SETTINGS, "sigma_r": sigma_r}
-    ours, normals = StaticDynamic(ROUGH, GUIDE, **given), ROUGH.face_normals
+    one_pass, normals = descent(ROUGH, GUIDE, **given), ROUGH.face_normals
     energies = [reference.static_dynamic_energy(ROUGH, GUIDE, normals, **given)]
     for _ in range(10):
-        normals = ours.descended(normals)
+        normals = one_pass(normals)
         energies.append(reference.static_dynamic_energy(ROUGH, GUIDE, normals, **given))
     assert (np.diff(energies) < 0).all()
     for _ in range(2000):
-        normals = ours.descended(normals)
+        normals = one_pass(normals)
     rng, step = np.random.default_rng(0), 1e-5
     for _ in range(5):  # no way on the spheres on which the energy changes in first order
         way = rng.normal(size=normals.shape)
@@ -74,11 +80,12 @@ def test_the_guidance_alone_keeps_faces_apart_whatever_their_normals():
     sheet = grid(8, 8)
     left = sheet.centroids[:, 0] < 4
     halves = np.where(left[:, None], (1.0, 0, 0), (0, 0, 1.0))
-    guided, even = (StaticDynamic(sheet, guide, **{**SETTINGS, "sigma_g": 0.05}) for guide in (halves, 0 * halves))
-    across = left[guided.neighbors.rows] != left[guided.neighbors.indices]
+    given = {"smoothness": SETTINGS["smoothness"], "sigma_s": SETTINGS["sigma_s"], "sigma_g": 0.05}
+    (near, guided), (_, even) = (weighted_pairs(sheet, guide, **given) for guide in (halves, 0 * halves))
+    across = left[near.rows] != left[near.indices]
     assert 0 < across.sum() < len(across) / 4
-    assert guided.weights[across].max() < 1e-80 < even.weights.min()
-    np.testing.assert_array_equal(guided.weights[~across], even.weights[~across])
+    assert guided[across].max() < 1e-80 < even.min()
+    np.testing.assert_array_equal(guided[~across], even[~across])
 
 
 @pytest.mark.parametrize("name", ["smoothness", "sigma_r"])
