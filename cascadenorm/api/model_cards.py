@@ -112,7 +112,6 @@ def _sentence(text: Any) -> str:
 
 
 def _losses(stages: list[list[float]]) -> str:
-    """Return the losses as a table with one row per stage."""
     clusters = range(1, len(stages[0]) + 1)
     head = [
         f"| stage | {' | '.join(f'cluster {number}' for number in clusters)} |",

@@ -100,7 +100,6 @@ def _with_value(message: str, error: Exception, arguments: Sequence[str]) -> str
 
 
 def _called(call: Callable[[], object]) -> int:
-    """Run a command and return its exit code."""
     try:
         call()
     except typer.Exit as end:

@@ -118,13 +118,11 @@ def _option(name: str, value: object) -> str:
 
 
 def print_left_out(losses: Sequence[str]) -> None:
-    """Print the content that an output could not keep."""
     for loss in losses:
         notify(f"left out: {loss}")
 
 
 def print_inspection(found: "Inspection") -> None:
-    """Print the properties of a mesh, and one line per finding."""
     from cascadenorm.api.inspection import FINDINGS
 
     loops = f"{counted(found.boundary_loops, 'boundary loop')} with {counted(found.boundary_edges, 'edge')}"
@@ -201,7 +199,6 @@ def print_spectrum(found: "Spectrum") -> None:
 
 
 def print_public_sets() -> None:
-    """List the public sets and where to get them."""
     from cascadenorm.evaluation.public_sets import PUBLIC_SETS
 
     for name, one in PUBLIC_SETS.items():
@@ -254,7 +251,6 @@ def sparkline(values: Sequence[float]) -> str:
 
 
 def print_methods(methods: "Mapping[str, Method]") -> None:
-    """Print each method with its parameters and source."""
     rows = (
         (method.name, method.summary, ", ".join(setting.name for setting in method.given_by_name), method.source)
         for method in methods.values()

@@ -55,7 +55,6 @@ class Laplacian:
 
 
 def laplacian_of(mesh: Mesh, weights: Weights) -> Laplacian:
-    """Return the Laplacian with uniform or cotangent weights."""
     return uniform_laplacian(mesh) if weights == "uniform" else cotangent_laplacian(mesh)
 
 

@@ -219,7 +219,6 @@ def _is_ear(x: Floats, y: Floats, before: Ints, after: Ints, b: int) -> bool:
 
 @kernel
 def _mark(x: Floats, y: Floats, before: Ints, after: Ints, start: int, is_ear: Bools) -> None:
-    """Mark which of the remaining corners are ears."""
     k = start
     while True:
         is_ear[k] = _is_ear(x, y, before, after, k)

@@ -38,7 +38,6 @@ class GivenMesh(NamedTuple):
     mesh: Mesh | None
 
     def at_vertices(self, bad: Bools) -> Found:
-        """Locate vertices."""
         return self._found(self.vertex_numbers[bad])
 
     def at_faces(self, bad: Bools) -> Found:

@@ -199,7 +199,6 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: Floats | None =
 
 
 def _shifted(laplacian: Laplacian, shift: float) -> Factorisation:
-    """Factorise S - shift M."""
     matrix = laplacian.stiffness - shift * scipy.sparse.diags_array(laplacian.mass)
     return Factorisation(matrix, laplacian.positions)
 

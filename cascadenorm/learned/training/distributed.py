@@ -42,7 +42,6 @@ def device() -> torch.device:
 
 
 def world_size() -> int:
-    """Return the number of processes."""
     return distributed.get_world_size() if distributed.is_initialized() else 1
 
 
@@ -57,7 +56,6 @@ def cores() -> int:
 
 
 def _local_world_size() -> int:
-    """Return the number of processes on this machine."""
     return 1 if is_single_process() else int(os.environ["LOCAL_WORLD_SIZE"])
 
 
@@ -89,5 +87,4 @@ def all_reduce(values: Floats) -> Floats:
 
 
 def barrier() -> None:
-    """Wait until all processes reach this point."""
     all_reduce(np.zeros(1))

@@ -80,7 +80,6 @@ def read_passes(log: Path) -> list[Pass]:
 
 
 def _lines(file: TextIO, suffix: str) -> Recorder:
-    """Write each epoch as a line of comma-separated values or JSON."""
     writer = csv.writer(file, lineterminator="\n")
     if suffix == ".csv" and file.tell() == 0:
         writer.writerow(Pass._fields)
