@@ -11,17 +11,12 @@ from typer import Option
 
 from cascadenorm.registry.controls import CONTROLS, ControlSetting
 
-app = typer.Typer(
-    name="cascadenorm",
-    help="Denoise triangle meshes by cascaded normal regression, or by one of the classical methods.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(name="cascadenorm", no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 @app.callback(invoke_without_command=True)
 def options(version: Annotated[bool, Option("--version", help="Print the version and exit.")] = False) -> None:
-    """Denoise triangle meshes by cascaded normal regression or by a classical method."""
+    """Denoise triangle meshes by cascaded normal regression, or by one of the classical methods."""
     if version:
         from cascadenorm.version import __version__
 
