@@ -7,22 +7,8 @@ from numpy.typing import ArrayLike
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
 from cascadenorm.geometry.sparse_solvers import Factorisation
-from cascadenorm.mesh import (
-    Bools,
-    Floats,
-    Ints,
-    Ints32,
-    Mesh,
-    Vectors,
-    as_array,
-    in_frame,
-    kernel,
-    parallel_for,
-    row_distances,
-    scatter_add,
-    without_lines,
-    without_repeated_faces,
-)
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, as_array, in_frame, row_distances, scatter_add
+from cascadenorm.mesh.isolation import without_lines, without_repeated_faces
 
 LEAST_HEAT = 1e-300  # least ratio of the least to the largest heat; below it, the diffusion time is increased
 MOST_INCREASES = 100  # of the diffusion time, each by a factor of 4; this suffices unless no face has an extent
@@ -76,8 +62,7 @@ def heat_distances(mesh: Mesh, sources: Ints) -> Floats:
     # heat flow, and the divergence of its normalised gradient
     heat = np.zeros(len(near))
     heat[near] = _heat(stiffness, laplacian.mass[near], positions, (distances == 0)[near], _times(mesh)[near])
-    flux = np.zeros(mesh.faces.shape)
-    parallel_for(len(flux), _unit_flux, mesh.faces, cotangents, areas, heat, flux)
+    flux = _unit_flux(mesh.faces, cotangents, areas, heat)
     divergence = scatter_add(mesh.faces.ravel(), flux.ravel(), len(near))[near]
 
     # Poisson equation, with the first source of each component fixed
@@ -116,30 +101,21 @@ def _heat(
     raise MeshError("distances cannot be computed: no face of the mesh has an extent")
 
 
-@kernel
-def _unit_flux(
-    start: int, stop: int, faces: Ints32, cotangents: Floats, areas: Floats, heat: Floats, flux: Floats
-) -> None:
-    """Compute the (m, 3) flux at each face corner for the heat gradient scaled to length 1.
+def _unit_flux(faces: Ints32, cotangents: Floats, areas: Floats, heat: Floats) -> Floats:
+    """Return the (m, 3) flux at each face corner for the heat gradient scaled to length 1.
 
     A piecewise linear function u has the energy ∫ |∇u|² = Σ ½ cot (u_i - u_j)² over the sides of a face. Its derivative
     with respect to u_i is 2 ∫ ∇u · ∇φ_i, where φ_i is the hat function of the corner.
     """
-    for f in range(start, stop):
-        a, b, c = heat[faces[f, 0]], heat[faces[f, 1]], heat[faces[f, 2]]
-        largest = max(abs(a), abs(b), abs(c))
-        if not largest > 0.0:
-            continue
-        a, b, c = a / largest, b / largest, c / largest  # squares of very small heat would underflow
-        along_ab = 0.5 * cotangents[f, 0] * (a - b)
-        along_bc = 0.5 * cotangents[f, 1] * (b - c)
-        along_ca = 0.5 * cotangents[f, 2] * (c - a)
-        energy = along_ab * (a - b) + along_bc * (b - c) + along_ca * (c - a)
-        if energy > 0.0:
-            scale = np.sqrt(areas[f] / energy)
-            flux[f, 0] = scale * (along_ca - along_ab)
-            flux[f, 1] = scale * (along_ab - along_bc)
-            flux[f, 2] = scale * (along_bc - along_ca)
+    corners = heat[faces]
+    largest = np.abs(corners).max(axis=1, keepdims=True)
+    corners = np.divide(corners, largest, out=np.zeros_like(corners), where=largest > 0)  # small squares underflow
+    drops = corners - np.roll(corners, -1, axis=1)
+    along = 0.5 * cotangents * drops
+    energy = (along * drops).sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # heat that hardly varies over a face
+        scale = np.sqrt(np.divide(areas, energy, out=np.zeros_like(energy), where=energy > 0))
+        return np.asarray(scale[:, None] * (np.roll(along, 1, axis=1) - along))
 
 
 def _checked_sources(sources: ArrayLike, count: int) -> Ints:
