@@ -8,7 +8,7 @@ import numpy as np
 from cascadenorm.baselines.diffusion import DiffusionStep, Moving, diffuse, flowed
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Laplacian, assemble, cotangent_laplacian, intrinsic_lengths, vertex_masses
-from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add, unit
+from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
 CurvatureThreshold = Annotated[
@@ -71,49 +71,33 @@ def anisotropic_laplacian(mesh: Mesh, normals: Vectors, *, threshold: float) -> 
     threshold goes to infinity it becomes the cotangent Laplacian. Degenerate faces are mollified.
     """
     lengths = intrinsic_lengths(mesh)
-    weights, areas = np.empty((len(mesh.faces), 3)), np.empty(len(mesh.faces))
-    scale = (mesh.mean_edge_length or 1.0) / threshold
-    parallel_for(len(mesh.faces), _tensor_weights, mesh.vertices, mesh.faces, lengths, normals, scale, weights, areas)
+    weights, areas = _tensor_weights(mesh, lengths, normals, (mesh.mean_edge_length or 1.0) / threshold)
     edge_weights = scatter_add(mesh.topology.face_edges.ravel(), weights.ravel(), len(mesh.topology.edges))
     return assemble(mesh, edge_weights, vertex_masses(mesh, areas))
 
 
-@kernel
-def _tensor_weights(
-    start: int,
-    stop: int,
-    vertices: Vectors,
-    faces: Ints32,
-    lengths: Floats,
-    normals: Vectors,
-    scale: float,
-    weights: Floats,
-    areas: Floats,
-) -> None:
-    """Weight of each side, -A ∇φ_k·a ∇φ_(k+1), in the plane of a face with the given lengths of its sides."""
-    gradient = np.empty((3, 2))
-    for f in range(start, stop):
-        l0, l1, l2 = lengths[f]
-        x = (l0 * l0 + l2 * l2 - l1 * l1) / (2.0 * l0)
-        y = np.sqrt(max(l2 * l2 - x * x, 0.0))
-        double = l0 * y  # corners at (0, 0), (l0, 0), (x, y)
-        areas[f] = 0.5 * double
-        gradient[0, 0], gradient[0, 1] = -y / double, (x - l0) / double
-        gradient[1, 0], gradient[1, 1] = y / double, -x / double
-        gradient[2, 0], gradient[2, 1] = 0.0, l0 / double
-        # symmetrised shape operator of the interpolated normals, determined by its effect along each side
-        p = q = r = 0.0
-        for side in range(3):
-            i, j = faces[f, side], faces[f, (side + 1) % 3]
-            turn = -0.5 * scale * ((normals[j] - normals[i]) * (vertices[j] - vertices[i])).sum()
-            a, b = gradient[side], gradient[(side + 1) % 3]
-            p += 2.0 * turn * a[0] * b[0]
-            q += turn * (a[0] * b[1] + a[1] * b[0])
-            r += 2.0 * turn * a[1] * b[1]
-        # a = Σ 1/(1 + κ²) d dᵀ = (1 + W²)⁻¹, without eigenvectors
-        u, v, w = 1.0 + p * p + q * q, q * (p + r), 1.0 + q * q + r * r
-        determinant = u * w - v * v
-        for side in range(3):
-            a, b = gradient[side], gradient[(side + 1) % 3]
-            flow = (w * a[0] * b[0] - v * (a[0] * b[1] + a[1] * b[0]) + u * a[1] * b[1]) / determinant
-            weights[f, side] = -areas[f] * flow
+@np.errstate(all="ignore")  # faces of extreme shapes
+def _tensor_weights(mesh: Mesh, lengths: Floats, normals: Vectors, scale: float) -> tuple[Floats, Floats]:
+    """Return the weight of each side, (m, 3), -A ∇φ_k·a ∇φ_(k+1), and the area of each face, (m,).
+
+    They are those in the plane of a face with the given lengths of its sides, (m, 3).
+    """
+    l0, l1, l2 = lengths.T
+    x = (l0 * l0 + l2 * l2 - l1 * l1) / (2.0 * l0)
+    y = np.sqrt(np.maximum(l2 * l2 - x * x, 0.0))
+    double = l0 * y  # corners at (0, 0), (l0, 0), (x, y)
+    ax, ay = np.stack([-y, y, np.zeros_like(y)]) / double, np.stack([x - l0, -x, l0]) / double  # gradients ∇φ_k
+    bx, by = np.roll(ax, -1, axis=0), np.roll(ay, -1, axis=0)
+
+    # symmetrised shape operator of the interpolated normals, determined by its effect along each side
+    at, places = normals[mesh.faces.T], mesh.vertices[mesh.faces.T]
+    along = np.roll(places, -1, axis=0) - places
+    turns = -0.5 * scale * np.einsum("kfd,kfd->kf", np.roll(at, -1, axis=0) - at, along)
+    p = (2.0 * turns * ax * bx).sum(axis=0)
+    q = (turns * (ax * by + ay * bx)).sum(axis=0)
+    r = (2.0 * turns * ay * by).sum(axis=0)
+
+    # a = Σ 1/(1 + κ²) d dᵀ = (1 + W²)⁻¹, without eigenvectors
+    u, v, w = 1.0 + p * p + q * q, q * (p + r), 1.0 + q * q + r * r
+    flow = (w * ax * bx - v * (ax * by + ay * bx) + u * ay * by) / (u * w - v * v)
+    return (-0.5 * double * flow).T, 0.5 * double
