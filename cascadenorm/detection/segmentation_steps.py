@@ -3,17 +3,7 @@
 import numpy as np
 
 from cascadenorm.detection.voxel_lattice import lattice_share
-from cascadenorm.mesh import (
-    Floats,
-    Mesh,
-    Vectors,
-    angles_between,
-    any_in_rows,
-    kernel,
-    row_distances,
-    scatter_add,
-    sums_in_blocks,
-)
+from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, any_in_rows, kernel, row_distances, scatter_add
 from cascadenorm.mesh.averages import averaged, averaged_around
 from cascadenorm.mesh.vectors import dot, row
 
@@ -44,14 +34,7 @@ def has_voxel_faces(mesh: Mesh) -> bool:
     if first is None or second is None:
         return False
     axes = np.stack([first, second, np.cross(first, second)])
-
-    areas, normals = mesh.areas, mesh.face_normals
-
-    def add(start: int, stop: int, sums: Floats) -> None:
-        _along_range(start, stop, areas, normals, axes, sums)
-
-    area, along = sums_in_blocks(len(areas), (2,), add)
-    return bool(along >= ALONG_AXES * area) and is_segmentation(mesh)
+    return bool(_share_along(mesh.areas, mesh.face_normals, axes) >= ALONG_AXES) and is_segmentation(mesh)
 
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
@@ -109,11 +92,13 @@ def _largest(areas: Floats, normals: Vectors, across: Vectors) -> int:
 
 
 @kernel
-def _along_range(start: int, stop: int, areas: Floats, normals: Vectors, axes: Vectors, sums: Floats) -> None:
-    """Sum the area of all faces, and of those with a normal along an axis."""
-    for f in range(start, stop):
-        sums[0] += areas[f]
+def _share_along(areas: Floats, normals: Vectors, axes: Vectors) -> float:
+    """Return the share of the area, which is above 0, that belongs to faces with a normal along an axis."""
+    total = along = 0.0
+    for f in range(len(areas)):
+        total += areas[f]
         for axis in range(3):
             if abs(dot(row(normals, f), axes[axis])) > 1 - 1e-4:
-                sums[1] += areas[f]
+                along += areas[f]
                 break
+    return along / total

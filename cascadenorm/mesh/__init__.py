@@ -32,11 +32,10 @@ from cascadenorm.compute.threads import (
     limit_threads,
     one_blas_thread,
     parallel_for,
-    sums_in_blocks,
     thread_count,
 )
 from cascadenorm.errors import MeshError
-from cascadenorm.mesh.frame import Frame, frame_of, in_frame, scale_between, scaled_alike
+from cascadenorm.mesh.frame import in_frame, scale_between, scaled_alike
 from cascadenorm.mesh.isolation import (
     bad_faces,
     bad_vertices,
@@ -48,15 +47,15 @@ from cascadenorm.mesh.isolation import (
     without_repeated_faces,
 )
 from cascadenorm.mesh.mesh import Mesh, face_area_vectors
-from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
+from cascadenorm.mesh.ordering import ordered_for_cache
 from cascadenorm.mesh.topology import Topology, connected_components
 
 __all__ = [
-    "SMALLEST_COSTLY_CHUNK", "Bools", "Bytes", "Csr", "Floats", "Floats32", "Frame", "Index", "Ints", "Ints32", "Mesh",
-    "MeshError", "Renumbered", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "as_array",
-    "bad_faces", "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
-    "first_places", "frame_of", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
+    "SMALLEST_COSTLY_CHUNK", "Bools", "Bytes", "Csr", "Floats", "Floats32", "Index", "Ints", "Ints32", "Mesh",
+    "MeshError", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "as_array", "bad_faces",
+    "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
+    "first_places", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
     "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats", "repeats_vertex",
-    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "sums_in_blocks", "thread_count",
-    "unit", "with_part_moved", "without_lines", "without_repeated_faces",
+    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "thread_count", "unit",
+    "with_part_moved", "without_lines", "without_repeated_faces",
 ]  # fmt: skip
