@@ -1,4 +1,4 @@
-"""Detection of bumps of one width that cover a surface, such as those of a surface around particles."""
+"""Detection of bumps of the same width that cover a surface, such as a surface around particles."""
 
 from dataclasses import dataclass
 
@@ -10,29 +10,29 @@ from cascadenorm.mesh.averages import averaged
 
 PASSES = 64  # averaging passes; bumps up to about 30 mean edge lengths from crest to crest remain
 REACH = 24.0  # largest distance, in mean edge lengths, at which the correlation of heights is measured
-ALTERNATION = -0.18  # autocorrelation halfway between crests, at most; -0.15 and above on scans and reconstructions
+ALTERNATION = -0.18  # largest autocorrelation halfway between crests; scans and reconstructions have -0.15 or more
 LEAST_BUMP_HEIGHT = 0.01  # root mean square, in mean edge lengths, below which a surface is smooth
-NARROWEST_BUMPS = 5.0  # least width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
-FEWEST_BUMPS = 15  # bumps on one component, below which they are the shape
-COVERING = 0.9  # least number of bumps or hollows relative to that which covers a component; ridges are fewer
-LEAST_PART = 5  # vertices of a bump or hollow; smaller ones are noise
-BUMP_WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is least
+NARROWEST_BUMPS = 5.0  # smallest width in mean edge lengths; `auto` removes narrower bumps by itself if they are error
+FEWEST_BUMPS = 15  # smallest number of bumps on a component; fewer belong to the shape
+COVERING = 0.9  # smallest number of bumps or hollows, relative to the number that covers a component
+LEAST_PART = 5  # smallest number of vertices of a bump or hollow; smaller ones are noise
+BUMP_WIDTH = 1.2  # width of a bump relative to the distance at which the autocorrelation is lowest
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bumps:
-    """Bumps of one width that cover a mesh. They may be an error or belong to the shape."""
+    """Bumps of the same width that cover a mesh. They may be an error or belong to the shape."""
 
     width: float  # in mean edge lengths
 
 
 def bumps(mesh: Mesh) -> Bumps | None:
-    """Find bumps of one width that cover the mesh; return None if there are none.
+    """Find bumps of the same width that cover the mesh; return None if there are none.
 
-    Heights above the smoothed surface, without their own smooth part, alternate between bumps and hollows. If all have
-    about one width, the autocorrelation of the heights is clearly negative at half the distance between crests; on
-    other surfaces, on which widths vary, it only falls to about zero. It is negative between rounded edges of a box as
-    well, but these are few long ridges, while bumps or the hollows between them are separate.
+    Heights above the smoothed surface, without their own smooth part, alternate between bumps and hollows. If all of
+    these have about the same width, the autocorrelation of the heights is clearly negative at half the distance between
+    crests. On other surfaces, where widths vary, it only falls to about zero. It is also negative between the rounded
+    edges of a box, but these are a few long ridges, whereas bumps, or the hollows between them, are separate.
     """
     edge, topology = mesh.mean_edge_length, mesh.topology
     inside = topology.used_vertices & ~topology.boundary_vertices

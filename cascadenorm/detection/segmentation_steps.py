@@ -7,11 +7,11 @@ from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, any_in_rows,
 from cascadenorm.mesh.averages import averaged, averaged_around
 from cascadenorm.mesh.vectors import dot, row
 
-LATTICE = 0.5  # least `lattice_share` on a lattice; marching cubes give 0.95, surface nets less
-CANCELLING_SHARE = 0.2  # least share of bends that cancel within two rings; a step has a convex and a concave edge
-IN_PLANES = 0.03  # least fraction of vertices with coplanar faces, as on treads; CAD kernels create no such vertices
+LATTICE = 0.5  # smallest `lattice_share` on a lattice; marching cubes give 0.95, surface nets less
+CANCELLING_SHARE = 0.2  # smallest share of bends that cancel within two rings; a step has a convex and a concave edge
+IN_PLANES = 0.03  # smallest fraction of vertices with coplanar faces, as on treads; CAD kernels create none
 ALL_STEPS = 0.65  # share of cancelling bends above which IN_PLANES is not required, since decimation may be the cause
-ALONG_AXES = 0.98  # least fraction of the area of voxel faces with normals along three perpendicular directions
+ALONG_AXES = 0.98  # smallest fraction of the area with normals along three perpendicular directions
 COPLANAR = 3e-6
 """Height above the plane of the adjacent triangle, in diagonals, up to which a vertex is coplanar.
 
@@ -20,7 +20,7 @@ SMALL_HEIGHT = 1e-3  # upper limit of this height in median edge lengths, for me
 
 
 def is_segmentation(mesh: Mesh) -> bool:
-    """Return whether edges repeat few vectors, bends alternate in sign, and vertices lie inside planes, as on steps."""
+    """Return whether edges repeat few vectors, bends alternate in sign, and vertices lie within planes, as on steps."""
     if lattice_share(mesh) < LATTICE:
         return False
     steps = _step_share(mesh)
@@ -38,7 +38,7 @@ def has_voxel_faces(mesh: Mesh) -> bool:
 
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
-    """Move vertices of a mesh of voxel faces to the mean of the centroids around them; keep other meshes."""
+    """Move vertices of a mesh of voxel faces to the mean of the centroids around them; return others unchanged."""
     if not has_voxel_faces(mesh):
         return mesh
     means = averaged_around(mesh.centroids, mesh.topology.vertex_faces)

@@ -6,20 +6,20 @@ from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
 from cascadenorm.mesh.vectors import Vector, add, divided, dot, length, row, subtract
 
-HIGH = 1.5  # least height of a spike above the mean of its neighbours, divided by their mean distance from that mean
-MOST_NEIGHBORS = 10  # of a spike, or of the neighbours of an outlier; tips of cones and corners of CAD parts have more
+HIGH = 1.5  # smallest height of a spike above the mean of its neighbours, relative to their mean distance from it
+MOST_NEIGHBORS = 10  # of a spike or a neighbour of an outlier; tips of cones and corners of CAD parts have more
 # Faces are not weighted by area, since the large faces of a neighbouring spike would dominate.
-FLAT_BASE = 0.6  # least length of the mean normal of the faces around the neighbours: the surface below is nearly flat
-UPRIGHT = 0.6  # least cosine of the angle between a spike and the normal of the surface below it
-NOISE = 0.02  # least noise of the mesh in mean edge lengths; on cleaner meshes, spikes count as shape
+FLAT_BASE = 0.6  # smallest length of the mean normal of the faces around the neighbours, 1 if these are coplanar
+UPRIGHT = 0.6  # smallest cosine of the angle between a spike and the normal of the surface below it
+NOISE = 0.02  # smallest noise of the mesh in mean edge lengths; on cleaner meshes, spikes count as shape
 
-OUTSTANDING = 8.0  # least offset of an outlier, in median deviations of the heights within two edges
-LEAST_OFFSET = 0.05  # least offset of an outlier, in lengths of its edges
-CLEARLY = 2.0  # the same in mean deviations of the neighbours, by a quick estimate
-EXPLAINED = 0.75  # least share of its neighbours' deviations that the offset explains
-FEWEST_NEIGHBORS = 5  # of an outlier; vertices with fewer are few, and most of them are irregular
+OUTSTANDING = 8.0  # smallest offset of an outlier, in median deviations of the heights within two edges
+LEAST_OFFSET = 0.05  # smallest offset of an outlier, relative to the length of its edges
+CLEARLY = 2.0  # smallest offset, in mean deviations of the neighbours, according to a quick estimate
+EXPLAINED = 0.75  # smallest share of the deviations of its neighbours that the offset explains
+FEWEST_NEIGHBORS = 5  # of an outlier; vertices with fewer neighbours are rare and mostly irregular
 
-IMPULSIVE = 0.005  # share of outliers from which a component has impulsive noise
+IMPULSIVE = 0.005  # share of outliers from which the noise of a component counts as impulsive
 FEWEST_FACES = 100  # of a component with spikes or outliers; every vertex of a tetrahedron stands out
 ROUNDS = 3  # largest number of passes that move spikes or outliers
 
@@ -37,7 +37,7 @@ def noise_spikes(mesh: Mesh) -> Bools:
 
 
 def _standing(mesh: Mesh, found: Bools) -> Bools:
-    """Return which of the found vertices, (n,), stand upright on a nearly flat surface of a component of some size."""
+    """Return which of the found vertices, (n,), stand upright on a nearly flat surface, in a large enough component."""
     if not found.any():
         return found
     topology, candidates = mesh.topology, np.flatnonzero(found)
@@ -54,7 +54,7 @@ def _standing(mesh: Mesh, found: Bools) -> Bools:
 
 
 def without_outliers(mesh: Mesh) -> Mesh:
-    """Return a mesh without spikes, and whose other outliers are level with their surroundings."""
+    """Return a mesh without spikes, with all other outliers moved to the level of their surroundings."""
     mesh = without_spikes(mesh)
     for _ in range(ROUNDS):
         offsets = outlier_offsets(mesh)

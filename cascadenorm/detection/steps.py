@@ -1,4 +1,4 @@
-"""Detection of steps: of volumes enlarged by nearest-neighbour interpolation, and of quantised heights or depths."""
+"""Detection of steps in volumes enlarged by nearest-neighbour interpolation and in quantised heights or depths."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ from cascadenorm.detection.voxel_lattice import SAME_VECTOR, VoxelLattice, latti
 from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, first_of_each, pair_products, part_of
 
 FEWEST_VERTICES = 200  # components with fewer vertices are not examined
-MOST_VERTICES = 50_000  # number of vertices from which only some are examined, evenly spaced in order
-FEWEST_LAYERS = 4  # least number of voxel layers with steps along each axis; a box has two
-COVERED_VERTICES = 0.95  # least fraction of the vertices on lattice edges along each axis that lie in these layers
-ON_EDGES = 0.85  # least fraction of the vertices on lattice edges away from nodes; few grey values are near the level
+MOST_VERTICES = 50_000  # of larger meshes, about this many vertices are examined, evenly spaced in order
+FEWEST_LAYERS = 4  # smallest number of voxel layers with steps along each axis; a box has two
+COVERED_VERTICES = 0.95  # smallest fraction of the vertices on lattice edges along each axis that lie in these layers
+ON_EDGES = 0.85  # smallest fraction of the vertices on edges, not nodes; few grey values are near the level
 CLOSE = 0.02  # distance in voxels within which a vertex lies on a plane of nodes
 ERROR_WIDTH = 2.0  # width of the error in steps: a tread and the adjacent riser
 FLAT = 1e-3  # largest angle in radians between the normals of adjacent faces of a tread
-FEWEST_FACES = 8  # least number of faces of a tread; fewer may be coplanar by chance, as in marching tetrahedra
+FEWEST_FACES = 8  # smallest number of faces of a tread; fewer may be coplanar by chance, as in marching tetrahedra
 FEWEST_TREADS = 12
-SHARE = 0.5  # least fraction of the area, without that of a base, that lies on parallel treads
+SHARE = 0.5  # smallest fraction of the area, without that of a base, that lies on parallel treads
 PARALLEL = 1e-4  # largest 1 - cosine of the angle between the normals of parallel treads
 OTHER_WAY = 0.05  # largest area of other treads that face the opposite way, relative to that of the treads
-NARROWEST_STEPS = 5.0  # least width in mean edge lengths; `auto` removes narrower steps by itself
+NARROWEST_STEPS = 5.0  # smallest width in mean edge lengths; `auto` removes narrower steps by itself
 
 
 def enlarged_steps(mesh: Mesh) -> Floats:
