@@ -78,7 +78,7 @@ def random_walk_normal(
     sweeps: Sweeps = 10,
     fit: VertexFit = "sweeps",
 ) -> Vectors:
-    """Average each face normal with those that a random walk from it visits, which prefers similar normals.
+    """Average each face normal with those at the ends of random walks that prefer similar normals.
 
     Formula
     -------
@@ -162,7 +162,7 @@ def median_normal(
 
     Limits
     ------
-    The result is one of the noisy normals, so smooth surfaces keep a grain. It suits impulsive noise best.
+    The result is one of the noisy normals, so smooth surfaces stay grainy. It suits impulsive noise best.
     """
     filtered = partial(median_normals, median=median, iterations=iterations)
     normals = normals_by_patches(mesh, filtered, receptive_field=iterations)

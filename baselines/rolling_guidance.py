@@ -1,4 +1,4 @@
-"""Rolling guidance of face normals: removes features narrower than a width, keeps wider ones and their edges."""
+"""Rolling guidance of face normals, which removes features narrower than a width and keeps wider ones."""
 
 import math
 from typing import Annotated
@@ -49,7 +49,7 @@ def rolling_guidance_normal(
 
     Limits
     ------
-    Everything narrower than the width is removed, features as well as noise.
+    Everything narrower than the width is removed, whether it is noise or shape.
     """
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()
@@ -82,7 +82,7 @@ def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -
 
 
 def _dual_edges(mesh: Mesh, pairs: Ints32, *, least: float) -> tuple[Floats, Floats]:
-    """Return the length of each interior edge, (e,), and the distance of the centroids at it by way of its midpoint."""
+    """Return the length of each interior edge, (e,), and of the path between centroids via its midpoint."""
     ends = mesh.vertices[mesh.topology.edges[mesh.topology.interior_edges]]
     ways = np.linalg.norm(mesh.centroids[pairs] - ends.mean(axis=1)[:, None], axis=2).sum(axis=1)
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.maximum(ways, least)

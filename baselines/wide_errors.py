@@ -19,7 +19,7 @@ SHARES = 0.6, 0.525, 0.675
 so the facets of a copy, and steps that it mistakes for shape, contribute only a third to the mean."""
 FINISHING_PASSES = 10  # passes of the bilateral filter at the end, which smooths the facets of the copies
 UNFOLDED_COSINE = math.cos(math.radians(95))  # between the normals of adjacent faces; few shapes have sharper edges
-BLADE_COSINE = math.cos(math.radians(130))  # of edges that are no steps: those of binary masks fold by at most 125°
+BLADE_COSINE = math.cos(math.radians(130))  # of edges that are not steps: those of binary masks fold by at most 125°
 UNFOLDING_ROUNDS = 20
 
 
@@ -51,8 +51,8 @@ def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
     """Move new vertices, (n, 3), of the input mesh at folded edges to the mean of themselves and their neighbours.
 
     Where steps are closer to each other than the edges of a copy, all of their vertices are carried over from the same
-    place. There are at most UNFOLDING_ROUNDS rounds. Vertices on the boundary do not move, and edges stay that are
-    sharper than those of steps in the input: they belong to thin sheets, or join faces of opposite orientation.
+    place. There are at most UNFOLDING_ROUNDS rounds. Vertices on the boundary do not move. Edges that are sharper than
+    those of steps in the input stay: they belong to thin sheets, or join faces of opposite orientation.
     """
     topology, pairs = mesh.topology, mesh.topology.face_pairs
     pairs = pairs[pair_products(mesh.face_normals, pairs) >= BLADE_COSINE]

@@ -41,7 +41,7 @@ class Cascade:
     def steps(self, mesh: Mesh, known: list[Vectors] | None = None) -> Iterator[Mesh]:
         """Yield the mesh after each stage.
 
-        The normals of the first stages, (m, 3), are taken out of the list `known` as long as it has any.
+        If the normals of the first stages, (m, 3), are known, they are removed from the list `known` and used.
         """
         noisy = mesh
         for number in track(len(self.stages)):

@@ -38,7 +38,7 @@ FLOOR = 1e-4
 PAIRED_FACES = 128
 """Number of faces whose pairs of normals are compared together. Their normals fit into the L1 cache."""
 LEAST_ROWS = 768
-"""Number of rows from which BLAS rounds the products of the networks alike. It has other kernels for small matrices."""
+"""Number of rows from which BLAS rounds products of the networks alike. It uses other kernels for small matrices."""
 TILE = 16
 """Number of faces whose context is transposed together. One row fills a cache line."""
 

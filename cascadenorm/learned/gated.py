@@ -90,7 +90,7 @@ class ChosenNetworks(NamedTuple):
 def _denoised(network: Cascade, mesh: Mesh, impulsive: Bools) -> Vectors:
     """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
 
-    Outliers are such evidence. The later stages skip components without evidence.
+    Outliers count as evidence. The later stages skip components without evidence.
     """
     topology = mesh.topology
     known = [stage_normals(network.stages[0], mesh, mesh)]  # released after the first stage
@@ -110,7 +110,7 @@ def _under(tensors: Arrays, part: str) -> Arrays:
 def read_model(path: str | PathLike[str]) -> Cascade | GatedCascades:
     """Read a weights file with one cascade, or with two and a gate.
 
-    Raises ParameterError if the file is missing, or holds no model for the filters of this version.
+    Raises ParameterError if the file is missing, or its model needs other filters than those of this version.
     """
     header, tensors = unpacked(path)
     if header.get("format") not in GATED_FORMATS:

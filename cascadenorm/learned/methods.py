@@ -57,7 +57,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     ------
     Relief that is smooth at the scale of the edges counts as shape, unless the triangulation indicates a measured
     surface. Segmentations with thick slices and noise that folds faces over remain difficult. The networks were trained
-    on generated shapes, so errors of a kind that none of these has may remain.
+    on generated shapes, so kinds of error that were not simulated may remain.
     """
     noisy, mesh = mesh, without_outliers(mesh)
     network: Learned | ChosenNetworks = loaded(model, "auto")
@@ -70,7 +70,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 def denoised(mesh: Mesh, network: Cascade | ChosenNetworks, *, filtered: bool = True) -> Vectors:
     """Denoise a mesh without spikes with one network, or with the network chosen for each component.
 
-    Returns the vertices, (n, 3), after all other steps of `auto`. Measured surfaces are also filtered if wanted.
+    Returns the vertices, (n, 3), after all other steps of `auto`. `filtered` selects the filter of measured surfaces.
     """
     start = without_voxel_faces(mesh)
     free_derived(mesh)
@@ -147,7 +147,7 @@ class MeshTreatment:
     treatment: Treatment  # of most of the faces
     probability: float  # of this treatment according to the gate, averaged over those faces
     share: float  # of the faces with this treatment; the other components get the other treatment
-    given: bool = False  # whether `treat_as`, creases or coarse copies determined it, so that the gate was not asked
+    given: bool = False  # whether `treat_as`, creases or coarse copies determined it instead of the gate
 
     def __str__(self) -> str:
         """Return a phrase, such as "measured surface (probability 0.93)"."""

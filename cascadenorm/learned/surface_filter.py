@@ -21,7 +21,7 @@ LITTLE_TURNED = np.radians(8.0)
 """Mean angle by which the network turns the faces of a component, below which the component has little noise."""
 HARDLY_TURNED = np.radians((3.0, 5.0))
 """Mean angles by which the network turns a component, between which the effect of the filter rises to its full size."""
-LEAST_OPENNESS = 0.4  # least openness of a component that is seen from one side; a hemisphere has 0.5 (see `openness`)
+LEAST_OPENNESS = 0.4  # smallest openness of a component that is seen from one side; a hemisphere has 0.5 (see `openness`)
 QUADRIC_SHARES = 0.7, 0.3
 """Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
 FIT_RADIUS, SPREAD = 5.0, 2.2
@@ -37,10 +37,11 @@ def with_filtered_surfaces(mesh: Mesh, vertices: Vectors, measured: Bools) -> Ve
 
     `mesh` is the input mesh, and `vertices`, (n, 3), are those after the cascade. The network leaves some noise on
     measured surfaces, since its training data contain detail of the same size. One pass over its result removes most of
-    it. On sheets with little noise, as from laser scanners, such a pass removes detail. There, the normals of the
-    result are averaged with those of the input after `bilateral-normal`, whose errors differ from those of the network.
-    Errors of scanners are larger at the boundary of a view, where normals of fitted quadrics take part. A filter alone
-    would flatten the surface, which often curves away there. Components that the network hardly turns are not filtered.
+    it. On sheets with little noise, such as those from laser scanners, such a pass would remove detail. There, the
+    normals of the result are averaged with those of the input after `bilateral-normal`, whose errors differ from those
+    of the network. The errors of scanners are larger at the boundary of a view. The normals there are also averaged
+    with those of fitted quadrics, because a filter alone would flatten the surface, which often curves away. Components
+    that the network hardly turns are not filtered.
     """
     if not measured.any():
         return vertices

@@ -36,8 +36,8 @@ from cascadenorm.mesh import Ints32, Vectors, in_blocks, thread_count
 
 KMEANS_FACES = 50_000
 SCALER_MESHES = 500  # number of meshes whose faces determine mean, deviation and principal directions
-LEAST_DEVIATION = 0.1  # least deviation of a feature; logarithms have a spread of 2 and more, openness of a third
-LEAST_VARIANCE = 0.01  # variance that the pairs chosen before must leave of a pair, as a share of its own
+LEAST_DEVIATION = 0.1  # smallest deviation of a feature; that of logarithms is 2 or more, that of openness a third
+LEAST_VARIANCE = 0.01  # smallest share of the variance of a pair that the pairs chosen before it leave
 FEATURES_AT_A_TIME = 32  # number of features whose deviations are computed together, in double precision
 
 
