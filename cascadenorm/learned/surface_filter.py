@@ -21,7 +21,7 @@ LITTLE_TURNED = np.radians(8.0)
 """Mean angle by which the network turns the faces of a component, below which the component has little noise."""
 HARDLY_TURNED = np.radians((3.0, 5.0))
 """Mean angles by which the network turns a component, between which the effect of the filter rises to its full size."""
-LEAST_OPENNESS = 0.4  # smallest openness of a component that is seen from one side; a hemisphere has 0.5 (see `openness`)
+LEAST_OPENNESS = 0.4  # smallest openness of a component seen from one side; a hemisphere has 0.5 (see `openness`)
 QUADRIC_SHARES = 0.7, 0.3
 """Shares of the normals of fitted quadrics: at faces on the boundary, and at the faces next to them."""
 FIT_RADIUS, SPREAD = 5.0, 2.2
