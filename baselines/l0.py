@@ -14,6 +14,7 @@ import math
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+import scipy
 
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.sparse_solvers import MOST_ITERATIONS, conjugate_gradients
@@ -101,13 +102,22 @@ class EdgeSystem(NamedTuple):
 
 def edge_system(quads: Ints32, vertex_count: int) -> EdgeSystem:
     """Compute the sparsity pattern of I + αRᵀR + βDᵀD."""
-    everyone = np.arange(vertex_count)
+    everyone = np.arange(vertex_count, dtype=np.int32)
     rows = np.concatenate([np.repeat(quads, 4, axis=1).ravel(), everyone])
     columns = np.concatenate([np.tile(quads, 4).ravel(), everyone])
-    entries, places = np.unique(rows * vertex_count + columns, return_inverse=True)
-    starts = np.searchsorted(entries, vertex_count * np.arange(vertex_count + 1))
-    pattern, slots = Csr(starts, (entries % vertex_count).astype(np.int32)), places.astype(np.int32)
+    matrix = scipy.sparse.csr_array((np.ones(len(rows), np.int8), (rows, columns)), (vertex_count, vertex_count))
+    matrix.sort_indices()
+    pattern = Csr.of(matrix)
+    slots = np.empty(len(rows), np.int32)
+    parallel_for(len(rows), _find_slots, pattern, rows, columns, slots)
     return EdgeSystem(pattern, quads, slots[: 16 * len(quads)].reshape(-1, 4, 4), slots[16 * len(quads) :])
+
+
+@kernel
+def _find_slots(start: int, stop: int, pattern: Csr, rows: Ints32, columns: Ints32, slots: Ints32) -> None:
+    for i in range(start, stop):
+        low, high = pattern.indptr[rows[i]], pattern.indptr[rows[i] + 1]
+        slots[i] = low + np.searchsorted(pattern.indices[low:high], columns[i])
 
 
 @kernel
