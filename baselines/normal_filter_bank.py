@@ -201,10 +201,7 @@ def _filter_members(
             hx, hy, hz = guides[s, f, 0], guides[s, f, 1], guides[s, f, 2]
             for k in range(size):
                 exponent = factor * ((cx[k] - px) ** 2 + (cy[k] - py) ** 2 + (cz[k] - pz) ** 2)
-                u[k], counts[k] = exponent, exponent <= largest
-            for k in range(size):
-                counts[k] *= (reached[k] >> member) & 1
-            for k in range(size):
+                u[k], counts[k] = exponent, (exponent <= largest) & ((reached[k] >> member) & 1)
                 chord[k] = (gx[k] - hx) ** 2 + (gy[k] - hy) ** 2 + (gz[k] - hz) ** 2
             for r, steepness in enumerate(spreads):
                 for k in range(size):
