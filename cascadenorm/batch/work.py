@@ -27,7 +27,7 @@ from cascadenorm.execution.progress import Listener
 from cascadenorm.io.atomic import check_output, make_folder
 from cascadenorm.io.digests import file_digest, source_digest
 from cascadenorm.io.files import copied_names, is_url
-from cascadenorm.io.sidecar_files import LAYERS, missing
+from cascadenorm.io.sidecar_files import is_scene, missing
 from cascadenorm.learned.methods import SHIPPED
 from cascadenorm.registry import find
 from cascadenorm.registry.controls import checked_controls
@@ -260,11 +260,7 @@ def _is_ours(task: Task) -> bool:
     line, output = task.line, task.job.output
     if not _exists(output):
         return False
-    if (
-        _is_local(task.job)
-        and output.lower().endswith(LAYERS)
-        and _digest(output, task) == _digest(task.job.source, task)
-    ):
+    if _is_local(task.job) and is_scene(output) and _digest(output, task) == _digest(task.job.source, task):
         return True
     if line is None:
         return False

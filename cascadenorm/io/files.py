@@ -22,7 +22,7 @@ from cascadenorm.io.obj import ObjFile
 from cascadenorm.io.off import OFF_HEADER, OffFile
 from cascadenorm.io.ply.ply import ArraysFile, PlyFile
 from cascadenorm.io.polydata import LEGACY, LegacyPolyDataFile, PolyDataFile
-from cascadenorm.io.sidecar_files import LAYERS, copy_beside, sidecar_files
+from cascadenorm.io.sidecar_files import copy_beside, is_scene, sidecar_files
 from cascadenorm.io.stl import StlFile, is_binary_stl
 from cascadenorm.io.usd.layers import LAYER_EXTENSIONS
 from cascadenorm.io.usd.usd import UsdaFile, UsdcFile, UsdFile, UsdzFile, layer_format
@@ -207,7 +207,7 @@ def copied_names(file: MeshFile, target: Path) -> list[str]:
     assert kind is not None
     written = file if file.format == format else file.repacked(kind)
     named = {} if written is None else written.refers_to()
-    further = [name for name, needed in named.items() if not needed and not name.lower().endswith(LAYERS)]
+    further = [name for name, needed in named.items() if not needed and not is_scene(name)]
     return [name for name in further if copy_beside(target, name) is not None]
 
 

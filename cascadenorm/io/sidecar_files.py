@@ -8,8 +8,10 @@ from urllib.parse import unquote, urlsplit
 from cascadenorm.errors import OutputError
 from cascadenorm.io.base import MeshFile, Piece
 
-LAYERS = (".usd", ".usda", ".usdc", ".usdz")
-"""Extensions of referenced files that are meshes themselves, so that a result of theirs may stand beside a target."""
+
+def is_scene(name: str) -> bool:
+    """Whether a referenced file is an OpenUSD scene, which a batch denoises as well, so that it may already exist."""
+    return name.lower().endswith((".usd", ".usda", ".usdc", ".usdz"))
 
 
 def is_within(name: str) -> bool:
@@ -80,7 +82,7 @@ def sidecar_files(file: MeshFile, target: Path, *, force: bool) -> tuple[dict[Pa
             continue
         if copy == target.resolve():
             raise OutputError(f"the file references another one named {copy.name!r}: choose another name")
-        if content_beside(there, name) == content or (copy.exists() and name.lower().endswith(LAYERS)):
+        if content_beside(there, name) == content or (copy.exists() and is_scene(name)):
             continue
         if copy.exists() and not force:
             raise existing_copy(copy, name)
