@@ -224,16 +224,37 @@ def train_gate(
     threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Denoiser:
-    """Train a gate that chooses between two trained cascades, and write all three to a weights file, `.safetensors`.
+    """Train a gate that chooses between two trained cascades, and write all three to a weights file.
 
-    The first cascade is the network for noise on vertices, see `configs/vertex.toml`, and the second the one for
-    measured surfaces, see `configs/surface.toml`; both are given by their weights files. The seed is that of the trees
-    of the gate. An existing output is replaced if `force` is true. The maximum number of threads does not affect the
-    result. `progress` is called with (task, parts done, total parts). Returns the model, as `Denoiser.load` reads it
-    from the file.
+    Parameters
+    ----------
+    vertex
+        Weights file of the network for noise on vertices, see `configs/vertex.toml`.
+    surface
+        Weights file of the network for measured surfaces, see `configs/surface.toml`.
+    output
+        Output file, `.safetensors`.
+    seed
+        Random seed for the trees of the gate.
+    force
+        Replace an existing file.
+    threads
+        Maximum number of threads; does not affect the result.
+    progress
+        Called with (task, parts done, total parts).
 
-    Raises OutputError if the file exists or cannot be written, ParameterError if an input is missing or is not a single
-    cascade, and MissingDependencyError if torch, scikit-learn or scikit-image is not installed.
+    Returns
+    -------
+    The model, as `Denoiser.load` reads it from the file.
+
+    Raises
+    ------
+    OutputError
+        The file exists and `force` is False, or it cannot be written.
+    ParameterError
+        An input is missing or is not a single cascade.
+    MissingDependencyError
+        Torch, scikit-learn or scikit-image is not installed.
     """
     output = Path(output)
     check_output(output, force=force)
