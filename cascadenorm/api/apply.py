@@ -74,6 +74,11 @@ class Applied(NamedTuple):
         return self.seen.moved(ordered)
 
     @property
+    def encloses_volume(self) -> bool:
+        """Whether a component or a region of the mesh is closed, so that its volume can be kept."""
+        return closed_parts(self.surfaces, may_touch=self.surfaces is not self.seen).total > 0
+
+    @property
     def removed(self) -> Vectors | None:
         """(n, 3) displacements from the mesh to `denoised`, in the order and the unit of the mesh."""
         if self.denoised is None:
@@ -163,12 +168,6 @@ def _prepared(mesh: Mesh, halo: Halo | None) -> tuple[Renumbered, Mesh, Shells |
         order = ordered_for_cache(framed)
         return order, *split_into_shells(oriented(without_repeated_faces(order.mesh))), exponent
     return Renumbered.unchanged(mesh), in_frame_of_whole(mesh, halo.whole), None, halo.whole.frame.exponent
-
-
-def encloses_volume(mesh: Mesh) -> bool:
-    """Return whether a component or a region of a mesh is closed, so that its volume can be kept."""
-    _, framed, parts, _ = _prepared(without_lines(mesh), None)
-    return (closed_parts(framed) if parts is None else closed_parts(parts.mesh, may_touch=True)).total > 0
 
 
 def reported_controls(controls: Controls) -> dict[str, Any]:

@@ -126,7 +126,7 @@ class Denoised(NamedTuple):
 
     @property
     def seen(self) -> tuple[Mesh, Mesh]:
-        """The mesh as the method received it, before and after. Faults are counted faster there than in poor orders."""
+        """`Applied.seen` with the vertices before and after; faults are counted faster there than in a poor order."""
         return self.applied.seen_with(self.before.mesh.vertices), self.applied.seen_with(self.after.mesh.vertices)
 
 

@@ -76,7 +76,6 @@ def denoise(
 ) -> None:
     """Denoise a mesh file. By default, the result is written to <stem>_denoised<suffix> beside the input."""
     from cascadenorm.api import api
-    from cascadenorm.api.apply import encloses_volume
     from cascadenorm.api.inspection.inspection import new_faults
     from cascadenorm.cli import progress_bars, tables
 
@@ -119,7 +118,7 @@ def denoise(
         tables.print_json("denoise", {**asdict(done), **faults}, file=out)
     else:
         tables.print_denoised(done, file=out)
-        if controls["volume"] == "keep" and not encloses_volume(denoised.before.mesh):
+        if controls["volume"] == "keep" and not denoised.applied.encloses_volume:
             notify("--keep-volume had no effect: no component of the mesh is closed")
         tables.print_new_faults(new_faults(*denoised.seen))
         if report is not None:
