@@ -5,11 +5,13 @@ import math
 import numpy as np
 
 from cascadenorm.mesh import Bools, Bytes, Floats, Ints32, Mesh, Vectors, kernel, pair_products, parallel_for
+from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import dot, length, row
 
 STEP_HALVINGS = 8  # halvings of the displacement of a vertex before the vertex returns to its input position
 STEEPEST_NORMAL = math.sqrt(0.5)  # a face within 45° of the mean normal around it never counts as a foldover
 FOLDOVER_COSINE = math.cos(math.radians(105))  # between adjacent normals; an edge with a smaller cosine is folded
+UNFOLDING_ROUNDS = 5  # rounds in which vertices of flipped faces move to the mean of their neighbours
 SLIVER = 0.05  # height of a face, in mean edge lengths, below which it is a sliver
 LEAST_FLOAT = float(np.finfo(float).tiny)
 
@@ -25,7 +27,8 @@ def without_flips(
     only if they then agree better with the adjacent faces. If the angle between the normals of two adjacent `smooth`
     faces would exceed 105°, and does not in the input, the displacements of their four vertices are reduced in the same
     way. The limit lies between right-angled edges and thin blades. The `smooth` faces, (m,), by default none, are those
-    without noise that is independent at each vertex; such noise would hide blades in the input.
+    without noise that is independent at each vertex; such noise would hide blades in the input. Before displacements
+    are reduced, vertices of smooth faces that flip or fold move to the mean of their neighbours (see `_unfolded`).
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     pairs = None
@@ -33,6 +36,7 @@ def without_flips(
         pairs = mesh.topology.face_pairs
         pairs = pairs[smooth[pairs].all(axis=1)]
         pairs = pairs[~_folded(mesh, pairs)]
+        vertices = _unfolded(mesh, vertices, held & smooth, pairs)
     halvings = np.zeros(len(vertices), np.uint8)
     slivers = mesh.heights < SLIVER * mesh.mean_edge_length
     while True:
@@ -54,12 +58,38 @@ def halved_where_flipped(
     The `held` faces, (m,), may not flip, and the normals of the pairs of adjacent faces, (p, 2), may differ by at most
     105°. The halvings, (n,), are those of the displacement of each vertex.
     """
-    moved = mesh.moved(partly_displaced(mesh, vertices, halvings))
+    flipped = _flipped_or_folded(mesh, partly_displaced(mesh, vertices, halvings), held, pairs)
+    back = np.unique(mesh.faces[flipped])
+    halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
+    return flipped
+
+
+def _unfolded(mesh: Mesh, vertices: Vectors, held: Bools, pairs: Ints32) -> Vectors:
+    """Return the vertices, (n, 3), after those of faces that flip or fold have moved to the mean of their neighbours.
+
+    Displacements along the normals often flip the slivers of marching cubes and tetrahedra. Unlike a shorter
+    displacement, the mean keeps their vertices on the denoised surface. Vertices on the boundary and those that were
+    not displaced stay.
+    """
+    free = (vertices != mesh.vertices).any(axis=1) & ~mesh.topology.boundary_vertices
+    for _ in range(UNFOLDING_ROUNDS):
+        flipped = _flipped_or_folded(mesh, vertices, held, pairs)
+        if not flipped.any():
+            break
+        around = np.unique(mesh.faces[flipped])
+        around = around[free[around]]
+        means = averaged(vertices, mesh.topology.vertex_neighbors, 1)
+        vertices = vertices.copy()
+        vertices[around] = means[around]
+    return vertices
+
+
+def _flipped_or_folded(mesh: Mesh, vertices: Vectors, held: Bools, pairs: Ints32 | None) -> Bools:
+    """Return the `held` faces that flip, and the faces of pairs, (p, 2), whose normals differ by more than 105°."""
+    moved = mesh.moved(vertices)
     flipped = held & _flipped(mesh, moved)
     if pairs is not None:
         flipped[pairs[_folded(moved, pairs)]] = True
-    back = np.unique(mesh.faces[flipped])
-    halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
     return np.asarray(flipped)
 
 

@@ -54,13 +54,19 @@ def test_no_edge_folds_whatever_is_asked_for(name, seed, size):
 
 
 def test_a_ridge_that_flips_no_face_is_made_lower():
-    """Its sides are 143° apart and, at a quarter of its height, 74°; those of a lower ridge are 84° apart and stay."""
-    mesh, smooth = grid(6, 6), np.ones(72, bool)
-    ridge = (mesh.vertices[:, 1] == 3)[:, None] * np.array((0, 0, 1.0))
-    high, low = mesh.vertices + 3 * ridge, mesh.vertices + 0.9 * ridge
-    assert np.array_equal(without_flips(mesh, high), high)
-    assert np.array_equal(without_flips(mesh, high, smooth=smooth), mesh.vertices + 0.75 * ridge)
-    assert np.array_equal(without_flips(mesh, low, smooth=smooth), low)
+    """Its sides are 143° apart and, at a quarter of its height, 74°; those of a lower ridge are 84° apart and stay.
+
+    Inner vertices move to the mean of themselves and six neighbours, and those on the boundary back to the input.
+    """
+    for mesh, inner, share in ((grid(6, 6), 24, 3 / 7), (grid(1, 2), 2, 1 / 4)):
+        middle, smooth = mesh.vertices[:, 1].max() / 2, np.ones(len(mesh.faces), bool)
+        ridge = (mesh.vertices[:, 1] == middle)[:, None] * np.array((0, 0, 1.0))
+        high, low = mesh.vertices + 3 * ridge, mesh.vertices + 0.9 * ridge
+        assert np.array_equal(without_flips(mesh, high), high)
+        lowered = without_flips(mesh, high, smooth=smooth)
+        assert lowered[inner] == pytest.approx(mesh.vertices[inner] + 3 * share * ridge[inner])
+        assert angles(mesh.moved(lowered)).min() > np.cos(np.radians(105))
+        assert np.array_equal(without_flips(mesh, low, smooth=smooth), low)
 
 
 @pytest.mark.parametrize("mesh", [cube(1), cube(6), cylinder(10), cylinder(90)])

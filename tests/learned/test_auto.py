@@ -27,7 +27,7 @@ def test_a_noisy_field_meshed_by_marching_tetrahedra_is_denoised():
     middle = 0.5 * (count - 1) - 0.13
     assert mesh_treatment(mesh).treatment == "measured-surface"
     assert angle_to_ball(mesh, middle) > 15
-    assert angle_to_ball(cn.denoise(mesh), middle) < 0.35 * angle_to_ball(mesh, middle)
+    assert angle_to_ball(cn.denoise(mesh), middle) < 0.2 * angle_to_ball(mesh, middle)
 
 
 @pytest.mark.parametrize("radius", [3.5, 8.0])
