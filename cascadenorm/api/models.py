@@ -145,6 +145,7 @@ def train(
     *,
     shapes: Paths = (),
     noisy: Paths = (),
+    first_stage: str | PathLike[str] | None = None,
     force: bool = False,
     threads: int | None = None,
     log: str | PathLike[str] | None = None,
@@ -166,6 +167,8 @@ def train(
         Additional clean meshes, as files or folders, which receive simulated noise like the generated shapes.
     noisy
         Folders of additional pairs, `noisy.*` and `clean.*` with the same faces.
+    first_stage
+        Weights file of a cascade whose first stage is kept; those of the config are trained to follow it.
     force
         Replace an existing file.
     threads
@@ -188,6 +191,8 @@ def train(
         The file exists and `force` is False, or it cannot be written.
     ReadError, MeshError
         One of the given meshes cannot be read or used.
+    ParameterError
+        `first_stage` is missing or is not a single cascade.
     ConfigError
         The checkpoint beside the output belongs to a training with other settings.
     MissingDependencyError
@@ -196,6 +201,7 @@ def train(
         A process that shares the work ended early.
     """
     output = Path(output)
+    first = None if first_stage is None else Cascade.load(first_stage).stages[0]
     with _libraries_of_training():
         from cascadenorm.learned.training import training
     check_output(output, force=force)
@@ -206,7 +212,7 @@ def train(
     with limit_threads(threads):
         own = training_pairs(shapes, noisy, config.data)
         with recording(lines, events, resumed=resumed) if is_main() else nullcontext(unrecorded) as record:
-            cascade = training.train_cascade(config, checkpoint, own=own, progress=progress, record=record)
+            cascade = training.train_cascade(config, checkpoint, own=own, first=first, progress=progress, record=record)
     if is_main():
         write_atomically(output, [cascade.to_bytes()], force=force)
     if is_local_main():
@@ -219,12 +225,13 @@ def train_gate(
     surface: str | PathLike[str],
     output: str | PathLike[str],
     *,
+    strong: str | PathLike[str] | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Denoiser:
-    """Train a gate that chooses between two trained cascades, and write all three to a weights file.
+    """Train a gate that chooses between two trained cascades, and write all of them to a weights file.
 
     Parameters
     ----------
@@ -234,6 +241,9 @@ def train_gate(
         Weights file of the network for measured surfaces, see `configs/surface.toml`.
     output
         Output file, `.safetensors`.
+    strong
+        Weights file of the network for strong noise, which follows the first stage of the vertex network, see
+        `configs/strong.toml`.
     seed
         Random seed for the trees of the gate.
     force
@@ -252,18 +262,21 @@ def train_gate(
     OutputError
         The file exists and `force` is False, or it cannot be written.
     ParameterError
-        An input is missing or is not a single cascade.
+        An input is missing or is not a single cascade, or the network for strong noise has another first stage.
     MissingDependencyError
         Torch, scikit-learn or scikit-image is not installed.
     """
     output = Path(output)
     check_output(output, force=force)
     cascades = [Cascade.load(path) for path in (vertex, surface)]
+    strongest = None if strong is None else Cascade.load(strong)
+    if strongest is not None and not strongest.begins_like(cascades[0]):
+        raise ParameterError(f"{strong} does not begin with the first stage of {vertex}: train it with --first-stage")
     with _libraries_of_training():
         from cascadenorm.learned.training import gate_training
     config = gate_training.GateConfig() if seed is None else gate_training.GateConfig(seed=seed)
     with limit_threads(threads):
-        model = gate_training.trained_gate(cascades[0], cascades[1], config, progress=progress)
+        model = gate_training.trained_gate(cascades[0], cascades[1], config, strong=strongest, progress=progress)
     write_atomically(output, [model.to_bytes()], force=force)
     return Denoiser(model)
 

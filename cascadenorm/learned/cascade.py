@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from os import PathLike, fspath
 from typing import Any
 
+import numpy as np
+
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.errors import ConfigError, ParameterError
 from cascadenorm.execution.progress import track
@@ -53,6 +55,14 @@ class Cascade:
         for last in self.steps(mesh, known):  # previous meshes are released
             mesh = last
         return mesh.vertices
+
+    def begins_like(self, other: "Cascade") -> bool:
+        """Return whether the first stages of two cascades are equal."""
+        ours, theirs = self.stages[0], other.stages[0]
+        arrays, others = ours.arrays(), theirs.arrays()
+        return ours.settings == theirs.settings and all(
+            np.array_equal(array, others[name]) for name, array in arrays.items()
+        )
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file. Equal cascades have equal bytes."""

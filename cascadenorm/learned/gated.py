@@ -1,4 +1,4 @@
-"""Two cascades and the gate that chooses between them per component."""
+"""The cascades of `auto`, and the gate that chooses between them per component."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,14 +10,18 @@ import numpy as np
 
 from cascadenorm.detection.gate import ComponentKinds, Gate, Treatment, component_kinds
 from cascadenorm.learned.cascade import Cascade
-from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
+from cascadenorm.learned.noise_evidence import component_angles, noise_evidence, turning_angles
 from cascadenorm.learned.stage_normals import stage_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Bools, Mesh, Vectors, with_part_moved
 from cascadenorm.registry import ParameterError
 
-GATED_FORMATS = ("cascadenorm-gated/3", "cascadenorm-gated/2", "cascadenorm-gated/1")
-"""Formats of weights files. The first one is written. Cascades within them have a format in CASCADE_FORMATS."""
+GATED_FORMATS = ("cascadenorm-gated/4", "cascadenorm-gated/3", "cascadenorm-gated/2", "cascadenorm-gated/1")
+"""Formats of weights files. The first one is written; the others have no network for strong noise. Cascades within them
+have a format in CASCADE_FORMATS."""
+STRONG_NOISE = np.radians(6.0)
+"""Mean angle over a component by which the first stage of the vertex network turns the faces if the noise is strong.
+Noise of 0.08 mean edge lengths reaches it. Any value from 4 to 9 degrees gives the same error on the benchmark."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +32,19 @@ class GatedCascades:
     surface: Cascade  # network for measured surfaces: errors of volumes, scanners, cameras and point clouds
     gate: Gate  # chooses between the networks from the triangulation
     gate_card: Mapping[str, Any]  # how the gate was trained; any JSON value
+    # network for strong vertex noise, which begins with the first stage of the vertex network, if there is one
+    strong: Cascade | None = None
 
     @property
     def card(self) -> dict[str, Any]:
         """Model cards of the parts, by name."""
-        return {"vertex": self.vertex.card, "surface": self.surface.card, "gate": self.gate_card}
+        return {**{name: network.card for name, network in self.networks.items()}, "gate": self.gate_card}
 
     @property
     def networks(self) -> dict[str, Cascade]:
-        """Both networks by name."""
-        return {"vertex": self.vertex, "surface": self.surface}
+        """The networks by name."""
+        strong = {} if self.strong is None else {"strong": self.strong}
+        return {"vertex": self.vertex, "surface": self.surface, **strong}
 
     def component_kinds(self, mesh: Mesh, treat_as: Treatment | None = None) -> ComponentKinds:
         """Judge each component of a mesh, or treat all of them alike."""
@@ -50,56 +57,74 @@ class GatedCascades:
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), using the network that the gate chooses for each component."""
         measured, impulsive = self.component_kinds(mesh).measured, np.zeros(len(mesh.vertices), bool)
-        return ChosenNetworks(self.vertex, self.surface, measured, impulsive).vertices(mesh)
+        return self.chosen(measured, impulsive).vertices(mesh)
+
+    def chosen(self, measured: Bools, impulsive: Bools) -> "ChosenNetworks":
+        """Return the networks for a mesh, with the fields `measured` and `impulsive` of `ChosenNetworks`."""
+        return ChosenNetworks(self.vertex, self.surface, measured, impulsive, self.strong)
 
     def to_bytes(self) -> bytes:
         """Return the content of a weights file. Equal models have equal bytes."""
-        parts = {"vertex": self.vertex.tensors(), "surface": self.surface.tensors(), "gate": self.gate.arrays()}
+        parts = {name: network.tensors() for name, network in self.networks.items()} | {"gate": self.gate.arrays()}
         tensors: Arrays = {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
-        headers = {"vertex": self.vertex.header(), "surface": self.surface.header(), "gate": self.gate_card}
-        return packed({"format": GATED_FORMATS[0], **headers}, tensors)
+        shared = [name for name in tensors if name.startswith("strong.stage0.")]  # the same as in the vertex network
+        for name in shared:
+            del tensors[name]
+        headers = {name: network.header() for name, network in self.networks.items()}
+        return packed({"format": GATED_FORMATS[0], **headers, "gate": self.gate_card}, tensors)
 
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], tensors: Arrays, source: str) -> "GatedCascades":
         """Rebuild a model from its header and its arrays. The errors are those of `Cascade.from_parts`."""
-        vertex, surface, gate = (_under(tensors, part) for part in ("vertex", "surface", "gate"))
+        vertex, surface, strong, gate = (_under(tensors, part) for part in ("vertex", "surface", "strong", "gate"))
         return cls(
             Cascade.from_parts(header["vertex"], vertex, source),
             Cascade.from_parts(header["surface"], surface, source),
             Gate(**gate),
             header["gate"],
+            Cascade.from_parts(header["strong"], {**vertex, **strong}, source) if "strong" in header else None,
         )
 
 
 class ChosenNetworks(NamedTuple):
-    """Two networks, and where they apply."""
+    """The networks of `auto`, and where they apply."""
 
     vertex: Cascade
     surface: Cascade
     measured: Bools  # (c,) components that are treated as measured surfaces
     impulsive: Bools  # (n,) vertices of components with impulsive noise
+    strong: Cascade | None = None  # continues the vertex network on components with strong noise
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
         measured = self.measured[mesh.topology.face_components]
         if measured.any():
-            mesh = mesh.moved(with_part_moved(mesh, measured, partial(_denoised, self.surface), self.impulsive))
-        return with_part_moved(mesh, ~measured, partial(_denoised, self.vertex), self.impulsive)
+            mesh = mesh.moved(with_part_moved(mesh, measured, partial(_denoised, self.surface, None), self.impulsive))
+        return with_part_moved(mesh, ~measured, partial(_denoised, self.vertex, self.strong), self.impulsive)
 
 
-def _denoised(network: Cascade, mesh: Mesh, impulsive: Bools) -> Vectors:
+def _denoised(network: Cascade, strong: Cascade | None, mesh: Mesh, impulsive: Bools) -> Vectors:
     """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
 
-    Outliers count as evidence. The later stages skip components without evidence.
+    Outliers count as evidence. The later stages skip components without evidence. Those of the network for strong
+    noise, if there is one, serve the components that the first stage turns by STRONG_NOISE or more.
     """
     topology = mesh.topology
-    known = [stage_normals(network.stages[0], mesh, mesh)]  # released after the first stage
-    evidence = np.maximum(noise_evidence(mesh, turning_angles(mesh, known[0])), impulsive)
+    normals = stage_normals(network.stages[0], mesh, mesh)
+    angles = turning_angles(mesh, normals)
+    evidence = np.maximum(noise_evidence(mesh, angles), impulsive)
     noisy = np.isin(topology.face_components, topology.components[evidence > 0])
-    if not noisy.all():
-        known = [known[0][noisy]]
-    denoised = with_part_moved(mesh, noisy, lambda part: network.vertices(part, known))
-    return evidence[:, None] * denoised + (1 - evidence[:, None]) * mesh.vertices
+    parts = [(network, noisy)]
+    if strong is not None:
+        strongly = noisy & (component_angles(mesh, angles) >= STRONG_NOISE)[topology.face_components]
+        parts = [(strong, strongly), (network, noisy & ~strongly)]
+    parts = [(cascade, part) for cascade, part in parts if part.any()]
+    known = [[normals if part.all() else normals[part]] for _, part in parts]
+    del normals  # the cascades release their rows after the first stage
+    denoised = mesh
+    for (cascade, part), theirs in zip(parts, known, strict=True):
+        denoised = denoised.moved(with_part_moved(denoised, part, partial(cascade.vertices, known=theirs)))
+    return evidence[:, None] * denoised.vertices + (1 - evidence[:, None]) * mesh.vertices
 
 
 def _under(tensors: Arrays, part: str) -> Arrays:
@@ -108,7 +133,7 @@ def _under(tensors: Arrays, part: str) -> Arrays:
 
 
 def read_model(path: str | PathLike[str]) -> Cascade | GatedCascades:
-    """Read a weights file with one cascade, or with two and a gate.
+    """Read a weights file with one cascade, or with those of `auto` and a gate.
 
     Raises ParameterError if the file is missing, or its model needs other filters than those of this version.
     """

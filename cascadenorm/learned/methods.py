@@ -63,7 +63,7 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     network: Learned | ChosenNetworks = loaded(model, "auto")
     if isinstance(network, GatedCascades):
         measured = network.component_kinds(mesh, treat_as).measured
-        network = ChosenNetworks(network.vertex, network.surface, measured, impulsive(noisy, mesh))
+        network = network.chosen(measured, impulsive(noisy, mesh))
     return denoised(mesh, network, filtered=treat_as != "unknown")
 
 

@@ -25,6 +25,12 @@ def turning_angles(mesh: Mesh, normals: Vectors) -> Floats:
     return angles_between(ours, normals, undefined=0.0)
 
 
+def component_angles(mesh: Mesh, angles: Floats) -> Floats:
+    """Return the mean of the angles of the faces, (m,), over each component, (c,); 0 for components without faces."""
+    components = mesh.topology.face_components
+    return np.asarray(np.bincount(components, angles) / np.maximum(np.bincount(components), 1))
+
+
 def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     """Return how strongly the angles around each vertex indicate noise, (n,) from 0 to 1.
 
@@ -34,7 +40,7 @@ def noise_evidence(mesh: Mesh, angles: Floats) -> Floats:
     """
     topology = mesh.topology
     components = topology.face_components
-    overall = _rise(np.bincount(components, angles) / np.maximum(np.bincount(components), 1), *LITTLE)
+    overall = _rise(component_angles(mesh, angles), *LITTLE)
     if np.all(overall == 1):
         return np.ones(len(mesh.vertices))
     powers = np.stack([np.sqrt(angles), angles], axis=1)

@@ -1,4 +1,6 @@
-"""The gate: trees as arrays, a decision for each component, and both networks in one file."""
+"""The gate: trees as arrays, a decision for each component, and all networks in one file."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +91,26 @@ def test_a_file_holds_both_networks_and_the_gate(gated, tmp_path):
     assert again.card["gate"] == {"note": "for a test"}
     with pytest.raises(cn.ParameterError, match="cascadenorm-gated"):
         Cascade.load(path)
+
+
+def test_strong_noise_has_its_own_later_stages(tmp_path):
+    auto = shipped("auto")
+    others = Cascade((auto.vertex.stages[0], *auto.surface.stages[1:]), {"note": "for strong noise"})
+    gated = GatedCascades(auto.vertex, auto.surface, OPEN, {"note": "for a test"}, others)
+    little, strong = noisy(icosphere(3), 0.02), noisy(icosphere(3), 0.2)
+    little = little.moved(little.vertices * strong.mean_edge_length / little.mean_edge_length)
+    np.testing.assert_array_equal(gated.vertices(strong), others.vertices(strong))
+    np.testing.assert_array_equal(gated.vertices(little), replace(gated, strong=None).vertices(little))
+    assert not np.allclose(gated.vertices(strong), gated.vertex.vertices(strong))
+    both = side_by_side(little.moved(gated.vertices(little)), strong.moved(gated.vertices(strong)))
+    np.testing.assert_allclose(gated.vertices(side_by_side(little, strong)), both.vertices, atol=1e-6)
+    path = tmp_path / "three.safetensors"
+    path.write_bytes(gated.to_bytes())
+    again = read_model(path)
+    assert isinstance(again, GatedCascades) and again.to_bytes() == gated.to_bytes()
+    assert again.strong is not None and again.strong.begins_like(auto.vertex)
+    assert again.card["strong"] == {"note": "for strong noise"}
+    np.testing.assert_array_equal(again.vertices(strong), gated.vertices(strong))
 
 
 def test_what_a_mesh_is_treated_as_can_be_overruled(gated, tmp_path):

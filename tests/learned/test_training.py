@@ -2,6 +2,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -172,6 +173,21 @@ def test_same_seed_same_bytes_and_another_seed_others(trained, tmp_path):
     assert train_cascade(TINY, tmp_path / "again").to_bytes() == trained.to_bytes()
     other = TrainConfig(**{f.name: getattr(TINY, f.name) for f in fields(TINY)} | {"seed": 1})
     assert train_cascade(other, tmp_path / "other").to_bytes() != trained.to_bytes()
+
+
+def test_stages_follow_a_given_first_stage(trained, tmp_path):
+    config = replace(TINY, stages=TINY.stages[1:])
+    follow = partial(train_cascade, config, tmp_path, first=trained.stages[0])
+    with pytest.raises(Interrupted):
+        follow(progress=interrupt_at("stage 2 cluster 1", 2))
+    with pytest.raises(ConfigError, match="holds a training with other settings"):
+        train_cascade(config, tmp_path, first=trained.stages[1])
+    continued = follow()
+    assert continued.begins_like(trained) and not replace(continued, stages=continued.stages[1:]).begins_like(trained)
+    assert [stage.settings for stage in continued.stages] == list(TINY.stages)
+    for stage, other in zip(continued.stages, trained.stages, strict=True):  # same seeds, meshes and first stage
+        assert all(np.array_equal(array, other.arrays()[name]) for name, array in stage.arrays().items())
+    assert len(continued.card["validation_chord_by_stage_and_cluster"]) == 2
 
 
 @pytest.mark.parametrize(("task", "done"), [("noisy/clean pairs", 2), ("stage 1 cluster 2", 3), ("apply stage 2", 1)])

@@ -50,6 +50,13 @@ def train(
             metavar="DIR", help="Folder of your own pairs of noisy.* and clean.*. Repeat the option to add several."
         ),
     ] = None,
+    first_stage: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Weights file whose first stage is kept. The stages of the settings are trained to follow it.",
+        ),
+    ] = None,
     quick: Annotated[bool, Option("--quick", help="Train for about a minute to check that training works.")] = False,
     seed: Annotated[
         int | None, Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
@@ -87,6 +94,7 @@ def train(
             output,
             shapes=shapes or (),
             noisy=noisy or (),
+            first_stage=first_stage,
             force=force,
             log=log,
             tensorboard=tensorboard,
@@ -103,6 +111,9 @@ def train_gate(
     vertex: Annotated[Path, Argument(metavar="VERTEX", help="Weights file trained with configs/vertex.toml.")],
     surface: Annotated[Path, Argument(metavar="SURFACE", help="Weights file trained with configs/surface.toml.")],
     *,
+    strong: Annotated[
+        Path | None, Option(metavar="FILE", help="Weights file trained with configs/strong.toml after VERTEX.")
+    ] = None,
     output: Annotated[Path, Option("-o", "--output", help="Weights file to write.")] = Path("auto.safetensors"),
     seed: Annotated[
         int | None, Option(min=0, help="Seed of the random numbers. The same seed produces the same file.")
@@ -110,12 +121,12 @@ def train_gate(
     force: Force = False,
     **controls: Any,
 ) -> None:
-    """Train the gate that lets `auto` choose between two trained networks, and write all three to one file."""
+    """Train the gate that lets `auto` choose between two trained networks, and write all of them to one file."""
     from cascadenorm.api import models
     from cascadenorm.cli import progress_bars
 
     with progress_bars.progress_tasks(log=True) as progress:
-        models.train_gate(vertex, surface, output, seed=seed, force=force, progress=progress, **controls)
+        models.train_gate(vertex, surface, output, strong=strong, seed=seed, force=force, progress=progress, **controls)
     _print_use(output)
 
 

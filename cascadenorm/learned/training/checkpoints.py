@@ -15,6 +15,7 @@ from safetensors import numpy as safetensors
 from cascadenorm.data_gen import Pair
 from cascadenorm.learned.cascade import CASCADE_FORMATS
 from cascadenorm.learned.config import ConfigError, TrainConfig
+from cascadenorm.learned.regression import Regression
 from cascadenorm.learned.training.launch import is_main
 
 
@@ -23,13 +24,15 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("cascadenorm", "numpy", "scikit-learn", "torch")}
 
 
-def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair]) -> None:
-    """Create the folder for this config, these pairs and this version, or check that it belongs to them."""
+def claim(checkpoint: Path, config: TrainConfig, own: Sequence[Pair], first: Regression | None = None) -> None:
+    """Create the folder for this config, these pairs, first stage and version, or check that it belongs to them."""
     checkpoint.mkdir(parents=True, exist_ok=True)
     digest = sha256()
     for pair in own:
         for array in (pair.noisy.vertices, pair.clean.vertices, pair.clean.faces):
             digest.update(array.tobytes())
+    for _, array in sorted(first.arrays().items()) if first else ():
+        digest.update(array.tobytes())
     note = checkpoint / "config.json"
     made_with = {"format": CASCADE_FORMATS[0], **versions()}
     text = json.dumps(asdict(config) | {"own": digest.hexdigest(), "made_with": made_with}, indent=1, sort_keys=True)

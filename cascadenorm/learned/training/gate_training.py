@@ -85,12 +85,18 @@ def compare_networks(vertex: Cascade, surface: Cascade, config: DatasetConfig, i
 
 
 def trained_gate(
-    vertex: Cascade, surface: Cascade, config: GateConfig, *, progress: Progress = no_progress
+    vertex: Cascade,
+    surface: Cascade,
+    config: GateConfig,
+    *,
+    strong: Cascade | None = None,
+    progress: Progress = no_progress,
 ) -> GatedCascades:
     """Train a gate that chooses the better of two networks for a mesh, and combine them with it.
 
-    The card of the model has, for each family, the mean angles of both networks, of the gate's choice in
-    cross-validation, and of the better network. `progress` is called as meshes are compared.
+    `strong` is the network for strong noise, which begins with the first stage of the vertex network. The gate is
+    trained without it. The card of the model has, for each family, the mean angles of both networks, of the gate's
+    choice in cross-validation, and of the better network. `progress` is called as meshes are compared.
     """
     rows: list[Compared] = []
     with parallel_map(thread_count()) as each:
@@ -113,7 +119,7 @@ def trained_gate(
         "mean_angles_deg": _mean_angles(families, angles, chosen),
         "config": asdict(config),
     }
-    return GatedCascades(vertex, surface, fitted_gate(config, figures, better, weights), card)
+    return GatedCascades(vertex, surface, fitted_gate(config, figures, better, weights), card, strong)
 
 
 def _mean_angles(families: NDArray[Any], angles: Floats, chosen: Bools) -> Mapping[str, dict[str, float]]:

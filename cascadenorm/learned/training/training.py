@@ -46,6 +46,7 @@ def train_cascade(
     checkpoint: Path,
     *,
     own: Sequence[Pair] = (),
+    first: Regression | None = None,
     generated: Path | None = None,
     progress: Progress = no_progress,
     record: Recorder = unrecorded,
@@ -53,42 +54,49 @@ def train_cascade(
     """Train a cascade. An interrupted training resumes and gives byte-identical results.
 
     Several processes started by torchrun share the meshes and return the same cascade. Rank 0 writes. The folder
-    `checkpoint` holds finished parts; it is created if needed. `own` are training pairs beside the generated ones. The
-    generated pairs are kept in the folder `generated`, which trainings with the same `config.data` can share; by
-    default, it lies in `checkpoint`. `progress` is called when parts finish, and `record` after each epoch of a
-    network, with several clusters from several threads. Raises ConfigError if the folder holds a training with another
-    config or other pairs, or there are fewer meshes than processes.
+    `checkpoint` holds finished parts; it is created if needed. `own` are training pairs beside the generated ones.
+    `first` is a trained first stage, which the stages of the config follow. The generated pairs are kept in the folder
+    `generated`, which trainings with the same `config.data` can share; by default, it lies in `checkpoint`. `progress`
+    is called when parts finish, and `record` after each epoch of a network, with several clusters from several threads.
+    Raises ConfigError if the folder holds a training with another config, other pairs or another first stage, or there
+    are fewer meshes than processes.
     """
     with distributed.process_group(), _one_thread_each():
         progress, record = (progress, record) if is_main() else (no_progress, unrecorded)
-        return _trained(config, checkpoint, own, generated or checkpoint / "pairs", progress, record)
+        return _trained(config, checkpoint, own, first, generated or checkpoint / "pairs", progress, record)
 
 
 def _trained(
-    config: TrainConfig, checkpoint: Path, own: Sequence[Pair], generated: Path, progress: Progress, record: Recorder
+    config: TrainConfig,
+    checkpoint: Path,
+    own: Sequence[Pair],
+    first: Regression | None,
+    generated: Path,
+    progress: Progress,
+    record: Recorder,
 ) -> Cascade:
     fewest = min([config.data.count, *(stage.meshes for stage in config.stages if stage.meshes)]) + len(own)
     if fewest < distributed.world_size():
         raise ConfigError(f"{distributed.world_size()} processes are more than the meshes, {fewest}: take fewer")
     if is_local_main():
-        checkpoints.claim(checkpoint, config, own)
+        checkpoints.claim(checkpoint, config, own, first)
     distributed.barrier()  # the folder exists on each machine from here on
     samples = _samples(config, own, generated, progress)
-    stages: list[Regression] = []
+    stages = [] if first is None else [first]
     losses: list[list[float]] = []
     with parallel_map(distributed.cores()) as each:
-        for number, settings in enumerate(config.stages):
-            arrays = _train_stage(samples, each, config, checkpoint, number, settings, progress, record)
-            stage = Regression.from_arrays(settings, arrays)
-            stages.append(stage)
-            losses.append([round(float(loss), 5) for loss in arrays["validation"]])
-            if number + 1 < len(config.stages):
-                moved = each(partial(Sample.apply_stage, stage=stage), samples)
+        for settings in config.stages:
+            if stages:
+                moved = each(partial(Sample.apply_stage, stage=stages[-1]), samples)
                 for done, vertices in enumerate(moved):
                     samples[done].vertices = vertices
-                    progress(f"apply stage {number + 1}", done + 1, len(samples))
+                    progress(f"apply stage {len(stages)}", done + 1, len(samples))
+            arrays = _train_stage(samples, each, config, checkpoint, len(stages), settings, progress, record)
+            stages.append(Regression.from_arrays(settings, arrays))
+            losses.append([round(float(loss), 5) for loss in arrays["validation"]])
     faces = int(distributed.all_reduce(np.array(sum(len(sample.rows) for sample in samples), np.float64)))
-    return Cascade(tuple(stages), _card(config, own, faces, losses))
+    card = _card(config, own, faces, losses)
+    return Cascade(tuple(stages), card if first is None else {**card, "first_stage": "that of another cascade"})
 
 
 def _train_stage(
