@@ -117,6 +117,23 @@ def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):
     assert json.loads(capsys.readouterr().out)["crossing_faces"] == {"before": None, "after": None}
 
 
+def test_faults_are_those_of_the_mesh_that_is_denoised(tmp_path, monkeypatch, capsys):
+    """Back faces are no further faces that cross, and faces that repeat a vertex hide no spike."""
+    monkeypatch.chdir(tmp_path)
+    vertices = BALL.vertices.copy()
+    vertices[100] *= -1.5  # through the other side
+    ring = BALL.faces[(BALL.faces == 100).any(axis=1)]
+    expected = surface_faults(Mesh(vertices, BALL.faces))
+    assert expected["crossing_faces"] > 0 and expected["spikes"] > 0
+    lines = [(face[0], face[1], face[1]) for face in ring]
+    save_mesh(tmp_path / "ball.ply", Mesh(vertices, [*BALL.faces, *ring[:, ::-1], *lines]))
+    words = ["denoise", "ball.ply", "-o", "out.ply", "--on-bad", "isolate", "--strength", "0", "--json", "--force"]
+    assert run(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {name: told[name] for name in expected} == {n: {"before": k, "after": k} for n, k in expected.items()}
+    assert cn.inspect("ball.ply").crossing_faces.count == expected["crossing_faces"]
+
+
 def test_spikes_and_folds_of_a_mesh_with_back_faces_are_those_of_its_front():
     front = noisy(BALL, 0.7)
     both = Mesh(front.vertices, [*front.faces, *front.faces[:, ::-1]])

@@ -87,7 +87,7 @@ class Inspection:
     nearly_coincident
         Boundary vertices within 0.001 median edge lengths of an earlier one, but not joined with it.
     crossing_faces
-        Faces that cross others; None if not checked.
+        Faces that cross others, without duplicate faces; None if not checked.
     spikes
         Vertices with an angle sum of less than 150°.
     outliers
@@ -229,7 +229,7 @@ def _shape(given: GivenMesh, mesh: Mesh, good: Bools, self_intersections: bool |
     flat, thin = thin_faces(small)
     looks = len(mesh.faces) <= MOST_FACES_CROSSED if self_intersections is None else self_intersections
     crossing = crossing_faces(small) if looks else None
-    every = np.arange(len(mesh.faces))
+    every, repeated = np.arange(len(mesh.faces)), repeats(np.sort(mesh.faces, axis=1))[0]
     lower, upper = mesh.box
     step = float(np.spacing(np.abs([lower, upper]).max().astype(given.number_type)))
     edge, facing = _scaled(small.mean_edge_length, exponent), oriented(without_repeated_faces(small))
@@ -245,8 +245,8 @@ def _shape(given: GivenMesh, mesh: Mesh, good: Bools, self_intersections: bool |
         "zero_area": numbered.at_faces(flat),
         "slivers": numbered.at_faces(thin),
         "nearly_coincident": numbered.at_vertices(nearly_coincident(small)),
-        "duplicate_faces": numbered.at_faces(repeats(np.sort(mesh.faces, axis=1))[0]),
-        "crossing_faces": None if crossing is None else numbered.at_faces(crossing),
+        "duplicate_faces": numbered.at_faces(repeated),
+        "crossing_faces": None if crossing is None else numbered.at_faces(crossing & ~repeated),
         "spikes": numbered.at_vertices(spikes(facing)),
         "outliers": numbered.at_vertices(outliers(facing)),
         "folded_edges": int(folded_edges(facing).sum()),
@@ -302,15 +302,15 @@ def new_faults(before: Mesh, after: Mesh) -> dict[str, tuple[int, int]]:
 
 
 def surface_faults(mesh: Mesh, *, crossings: bool = True) -> dict[str, int | None]:
-    """Count crossing faces, and the spikes and folded edges of the mesh without repeated faces.
+    """Count the crossing faces, spikes and folded edges of the mesh without repeated faces.
 
     Crossing faces are None if they are not wanted or the mesh has more than MOST_FACES_CROSSED faces.
     """
     small, _ = in_frame(mesh)
     surface = without_repeated_faces(small)
-    searched = crossings and len(small.faces) <= MOST_FACES_CROSSED
+    searched = crossings and len(surface.faces) <= MOST_FACES_CROSSED
     return {
-        "crossing_faces": int(crossing_faces(small).sum()) if searched else None,
+        "crossing_faces": int(crossing_faces(surface).sum()) if searched else None,
         "spikes": int(spikes(surface).sum()),
         "folded_edges": int(folded_edges(surface).sum()),
     }

@@ -114,7 +114,7 @@ def denoise(
     done = denoised.summary
     out = sys.stderr if target == "-" else sys.stdout
     if as_json:
-        faults = tables.faults_json(denoised.before.mesh, denoised.after.mesh)
+        faults = tables.faults_json(*denoised.seen)
         tables.print_json("denoise", {**asdict(done), **faults}, file=out)
     else:
         tables.print_denoised(done, file=out)
