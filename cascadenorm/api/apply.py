@@ -29,7 +29,7 @@ from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.execution.progress import report_to, track
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.patches.work import free_derived
-from cascadenorm.geometry.volume import closed_parts, with_volume_of
+from cascadenorm.geometry.volume import closed_parts, volumes, with_volume_of
 from cascadenorm.mesh import Mesh, in_frame, one_blas_thread
 from cascadenorm.mesh.isolation import without_lines, without_repeated_faces
 from cascadenorm.mesh.ordering import Renumbered, ordered_for_cache
@@ -42,13 +42,15 @@ Note = Callable[[Vectors], None]  # receiver of the vertices that a method retur
 JUDGING_METHOD = "auto"
 """Method whose displacements tell the kind of error of a mesh; it converges, so that it is applied only once."""
 
+VOLUME_TOLERANCE = 1e-4  # change of a volume, as a share of it, that counts; more than single precision rounds
+
 
 class Applied(NamedTuple):
     """A mesh to which a method was applied."""
 
     vertices: NDArray[Any]  # (n, 3), in the type that was asked for
     seen: Mesh  # the mesh in its frame
-    surfaces: Mesh  # the surfaces that the method received: `seen`, or the shells of its regions
+    shells: Shells | None  # surfaces of the regions of `seen`; None if no walls are shared
     exponent: int  # `seen` is scaled by 2**-exponent
     places: Ints32  # (n,) index of each vertex in `seen`
     # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
@@ -64,8 +66,7 @@ class Applied(NamedTuple):
         """Return vertices of a mesh that were computed otherwise, with the displacements by JUDGING_METHOD, (n, 3)."""
         order, seen, parts, exponent = _prepared(without_lines(mesh), None)
         denoised = None if removed is None else seen.vertices + np.ldexp(removed[order.numbers], -exponent)
-        surfaces = seen if parts is None else parts.mesh
-        return cls(vertices, seen, surfaces, exponent, order.places, denoised, other_triangles)
+        return cls(vertices, seen, parts, exponent, order.places, denoised, other_triangles)
 
     def seen_with(self, vertices: Vectors) -> Mesh:
         """Return `seen` with other vertices, (n, 3), given in the order and the unit of the mesh."""
@@ -74,9 +75,19 @@ class Applied(NamedTuple):
         return self.seen.moved(ordered)
 
     @property
-    def encloses_volume(self) -> bool:
-        """Whether a component or a region of the mesh is closed, so that its volume can be kept."""
-        return closed_parts(self.surfaces, may_touch=self.surfaces is not self.seen).total > 0
+    def surfaces(self) -> Mesh:
+        """The surfaces that the method received: `seen`, or the shells of its regions."""
+        return self.seen if self.shells is None else self.shells.mesh
+
+    def changed_volumes(self, original: Vectors) -> tuple[int, int]:
+        """Return the number of closed components and shells, and of those whose volume changed.
+
+        `original`, (n, 3), are the vertices of the mesh.
+        """
+        parts = closed_parts(self.surfaces, may_touch=self.shells is not None)
+        seen = (self.seen_with(np.ldexp(vertices, -self.exponent)) for vertices in (original, self.vertices))
+        before, after = (volumes(mesh if self.shells is None else self.shells.of(mesh), parts) for mesh in seen)
+        return parts.total, int((np.abs(after - before) > VOLUME_TOLERANCE * np.abs(before)).sum())
 
     @property
     def removed(self) -> Vectors | None:
@@ -152,8 +163,7 @@ def run_with_controls(
         controls["progress"](1.0)
     vertices = displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
     first = denoised[0] if denoised else None
-    surfaces = framed if parts is None else parts.mesh
-    return Applied(vertices, framed, surfaces, exponent, order.places, first, on_copies or creases is not None)
+    return Applied(vertices, framed, parts, exponent, order.places, first, on_copies or creases is not None)
 
 
 def step_key(method: Method, strength: float) -> float:

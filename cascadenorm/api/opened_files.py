@@ -61,6 +61,9 @@ class DenoisingSummary:
         vertex was to be moved.
     treated_as
         Kind of surface that `auto` chose for the mesh; None for other methods.
+    closed_surfaces, changed_volumes
+        Numbers of closed components and shells of regions, and of those whose volume changed by more than 0.01 %; None
+        unless the volume was to be kept.
     left_out
         Content of the source that the output format cannot hold, in words.
     weld, drop_components
@@ -88,6 +91,8 @@ class DenoisingSummary:
     error: ErrorKind | None
     treated_as: MeshTreatment | None
     left_out: tuple[str, ...]
+    closed_surfaces: int | None = None
+    changed_volumes: int | None = None
     nearly_coincident: int = 0
     weld: float | str | None = None
     drop_components: str | int | None = None
@@ -102,6 +107,16 @@ class DenoisingSummary:
         faces = counted(self.isolated_faces, "bad face")
         counts = (self.isolated_vertices, vertices), (self.isolated_faces, faces)
         return ", ".join(text for count, text in counts if count)
+
+    @property
+    def volume_not_kept(self) -> str:
+        """Why the volume was not kept although it was to be, in words; otherwise empty."""
+        if self.closed_surfaces == 0 and self.moved:
+            return "the volume was not kept: no component of the mesh is closed"
+        if not self.changed_volumes:
+            return ""
+        which = f"{self.changed_volumes} of {counted(self.closed_surfaces or 0, 'closed surface')}"
+        return f"the volume of {which} was not kept: fixed vertices or the limit of displacements prevent it"
 
     @property
     def remedies(self) -> str:
@@ -223,6 +238,7 @@ def written_file(
     lengths = row_lengths(np.ldexp(applied.vertices - mesh.vertices, -applied.exponent))
     edge = applied.seen.mean_edge_length
     in_edges = lengths / edge if edge > 0 else lengths
+    closed, changed = (None, None) if controls["volume"] is None else applied.changed_volumes(mesh.vertices)
     summary = DenoisingSummary(
         source=source_name(source),
         output=fspath(output) if isinstance(output, str | PathLike) else str(getattr(output, "name", "the stream")),
@@ -240,6 +256,8 @@ def written_file(
         seconds=seconds,
         **detected_error(method, applied, parameters),
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
+        closed_surfaces=closed,
+        changed_volumes=changed,
         nearly_coincident=int(nearly_coincident(applied.seen).sum()),
         weld=opened.weld,
         drop_components=opened.drop_components,

@@ -61,6 +61,8 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
         notify(f"dropped nothing: the mesh has {counted(done.components, 'connected component')}{others}")
     if done.left_unchanged:
         notify(f"left unchanged: {done.left_unchanged}")
+    if done.volume_not_kept:
+        notify(done.volume_not_kept)
     if done.remedies:
         notify(done.remedies)
     if done.nearly_coincident:

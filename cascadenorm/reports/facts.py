@@ -202,6 +202,7 @@ def warnings(done: DenoisingSummary | None, inspected: InspectedMeshes) -> list[
     if done is not None:
         said += [f"left out of the output: {loss}" for loss in done.left_out]
         said += [f"left unchanged: {done.left_unchanged}"] if done.left_unchanged else []
+        said += [done.volume_not_kept] if done.volume_not_kept else []
         said += [done.remedies] if done.remedies else []
     for given, found in inspected:
         if found.crossing_faces is None:

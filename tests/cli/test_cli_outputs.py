@@ -150,8 +150,23 @@ MIXED = [face[:: 1 if number % 3 else -1] for number, face in enumerate(BALL.fac
 def test_a_volume_that_cannot_be_kept_is_named(place, capsys, mesh, is_open):
     save_mesh(place / "kept.ply", mesh)
     assert run(["denoise", "kept.ply", "-o", "out.ply", *FAST, "--keep-volume"]) == 0
-    said = "cascadenorm: --keep-volume had no effect: no component of the mesh is closed\n"
-    assert (said in capsys.readouterr().err) == is_open
+    said = "cascadenorm: the volume was not kept: no component of the mesh is closed\n"
+    assert "volume" not in (err := capsys.readouterr().err).replace(said, "") and (said in err) == is_open
+    assert run(["denoise", "kept.ply", "-o", "same.ply", *FAST, "--keep-volume", "--strength", "0"]) == 0
+    assert "volume" not in capsys.readouterr().err
+
+
+def test_a_volume_that_a_limit_does_not_let_restore_is_named(place, capsys):
+    vertices, faces = np.concatenate([ROUGH.vertices, ROUGH.vertices + 5]), [*ROUGH.faces, *(ROUGH.faces + 162)]
+    save_mesh(place / "two.ply", Mesh(vertices, faces))
+    words = ["denoise", "two.ply", *FAST, "--keep-volume", "--fixed", "162-323", "--force"]
+    for limit, changed in ((), 0), (("--max-displacement", "0.1 edges"), 1):
+        assert run([*words, *limit, "--report", "two.html"]) == 0
+        said = "the volume of 1 of 2 closed surfaces was not kept: fixed vertices or the limit of"
+        assert (said in capsys.readouterr().err) == (said in Path("two.html").read_text("utf-8")) == bool(changed)
+        assert run([*words, *limit, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert (told["closed_surfaces"], told["changed_volumes"]) == (2, changed)
 
 
 def test_the_controls_in_force_are_printed(place, capsys):

@@ -118,8 +118,6 @@ def denoise(
         tables.print_json("denoise", {**asdict(done), **faults}, file=out)
     else:
         tables.print_denoised(done, file=out)
-        if controls["volume"] == "keep" and not denoised.applied.encloses_volume:
-            notify("--keep-volume had no effect: no component of the mesh is closed")
         tables.print_new_faults(new_faults(*denoised.seen))
         if report is not None:
             print(f"report: {report}", file=out)
