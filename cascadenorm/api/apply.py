@@ -56,17 +56,24 @@ class Applied(NamedTuple):
     # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
     # `remove_detail`; None for other methods, and if no vertex was to be moved
     denoised: Vectors | None
-    # whether the method ran on coarse copies, or on a mesh that is cut along creases
+    # whether the method ran on coarse copies of `remove_detail`, or on a mesh that is cut along creases
     other_triangles: bool = False
+    finds_steps: bool = True  # whether the method looked for the steps of enlarged volumes
 
     @classmethod
     def elsewhere(
-        cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None, *, other_triangles: bool = False
+        cls,
+        mesh: Mesh,
+        vertices: NDArray[Any],
+        removed: Vectors | None = None,
+        *,
+        other_triangles: bool = False,
+        finds_steps: bool = True,
     ) -> "Applied":
         """Return vertices of a mesh that were computed otherwise, with the displacements by JUDGING_METHOD, (n, 3)."""
         order, seen, parts, exponent = _prepared(without_lines(mesh), None)
         denoised = None if removed is None else seen.vertices + np.ldexp(removed[order.numbers], -exponent)
-        return cls(vertices, seen, parts, exponent, order.places, denoised, other_triangles)
+        return cls(vertices, seen, parts, exponent, order.places, denoised, other_triangles, finds_steps)
 
     def seen_with(self, vertices: Vectors) -> Mesh:
         """Return `seen` with other vertices, (n, 3), given in the order and the unit of the mesh."""
@@ -163,7 +170,8 @@ def run_with_controls(
         controls["progress"](1.0)
     vertices = displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
     first = denoised[0] if denoised else None
-    return Applied(vertices, framed, parts, exponent, order.places, first, on_copies or creases is not None)
+    other_triangles, finds_steps = on_copies or creases is not None, settings.remove_detail is None
+    return Applied(vertices, framed, parts, exponent, order.places, first, other_triangles, finds_steps)
 
 
 def step_key(method: Method, strength: float) -> float:

@@ -5,19 +5,20 @@ from functools import cache
 from importlib import resources
 from os import PathLike
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from cascadenorm.detection.gate import Treatment
 from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.detection.spikes import impulsive, without_outliers
+from cascadenorm.detection.steps import enlarged_steps
 from cascadenorm.geometry.patches.work import free_derived
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.gated import ChosenNetworks, GatedCascades, read_model
 from cascadenorm.learned.safeguards import safeguarded
 from cascadenorm.learned.surface_filter import with_filtered_surfaces
-from cascadenorm.mesh import Mesh, Vectors
+from cascadenorm.mesh import Bools, Mesh, Vectors
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.registry import Parameter, ParameterError, method
 
@@ -144,9 +145,10 @@ def loaded(model: Learned | Path | None, name: str) -> Learned:
 class MeshTreatment:
     """How `auto` treats a mesh."""
 
-    treatment: Treatment  # of most of the faces
+    # of most of the faces; `enlarged-volume` for components of which coarse copies are denoised
+    treatment: Treatment | Literal["enlarged-volume"]
     probability: float  # of this treatment according to the gate, averaged over those faces
-    share: float  # of the faces with this treatment; the other components get the other treatment
+    share: float  # of the faces with this treatment; other components get other treatments
     given: bool = False  # whether `treat_as`, creases or coarse copies determined it instead of the gate
 
     def __str__(self) -> str:
@@ -158,20 +160,30 @@ class MeshTreatment:
         return f"{name} (probability {self.probability:.2f}{share})"
 
 
-def mesh_treatment(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> MeshTreatment | None:
-    """Return how `auto` treats a mesh without repeated faces, or None for a model without a gate."""
+def mesh_treatment(
+    mesh: Mesh, *, finds_steps: bool = True, model: Model = None, treat_as: TreatAs = None
+) -> MeshTreatment | None:
+    """Return how `auto` treats a mesh without repeated faces, or None for a model without a gate.
+
+    `finds_steps` is whether coarse copies are made of components that have the steps of enlarged volumes.
+    """
     network = loaded(model, "auto")
     if not isinstance(network, GatedCascades):
         return None
     kinds = network.component_kinds(mesh, treat_as)
     components = mesh.topology.face_components
     measured = kinds.measured[components]
-    mostly = bool(2 * np.count_nonzero(measured) >= len(measured))
-    probabilities = kinds.probabilities[components][measured == mostly]
-    mean = float(probabilities.mean())
+    enlarged = enlarged_steps(mesh)[components] > 0 if finds_steps and treat_as is None else np.zeros_like(measured)
+    faces: dict[Treatment | Literal["enlarged-volume"], Bools] = {
+        "measured-surface": measured & ~enlarged,
+        "vertex-noise": ~measured & ~enlarged,
+        "enlarged-volume": enlarged,
+    }
+    most = max(faces, key=lambda treatment: np.count_nonzero(faces[treatment]))
+    mean = float(kinds.probabilities[components][faces[most]].mean())
     return MeshTreatment(
-        treatment=treat_as or ("measured-surface" if mostly else "vertex-noise"),
-        probability=mean if mostly else 1 - mean,
-        share=float(np.mean(measured == mostly)),
+        treatment=treat_as or most,
+        probability={"measured-surface": mean, "vertex-noise": 1 - mean}.get(most, 1.0),
+        share=float(np.mean(faces[most])),
         given=treat_as is not None,
     )

@@ -8,6 +8,8 @@ from skimage.measure import marching_cubes
 
 import cascadenorm as cn
 from cascadenorm.baselines.wide_errors import unfolded, without_wide_errors
+from cascadenorm.io.interop import save_mesh
+from cascadenorm.learned.methods import mesh_treatment
 from cascadenorm.mesh import Mesh, pair_products, unit
 
 TILT = Rotation.from_euler("xyz", [20, 35, 10], degrees=True).as_matrix()
@@ -109,6 +111,34 @@ def test_steps_of_an_enlarged_mask_need_no_option():
     asked = cn.denoise(MASK, remove_detail=6 * MASK.mean_edge_length).vertices
     np.testing.assert_allclose(cn.denoise(MASK).vertices, asked, atol=1e-9)
     assert angle_to_ball(cn.denoise(MASK)) < 0.25 * angle_to_ball(MASK)
+
+
+@pytest.mark.parametrize(
+    ("settings", "treatment"),
+    [
+        ({}, "enlarged volume (probability 1.00)"),
+        ({"remove_detail": 0}, "measured surface (probability 0.97)"),
+        ({"remove_detail": "6 edges"}, "unknown"),
+        ({"parameters": {"treat_as": "vertex-noise"}}, "vertex noise (as set)"),
+    ],
+)
+def test_an_enlarged_mask_is_said_to_be_one_if_its_steps_are_removed(tmp_path, settings, treatment):
+    save_mesh(tmp_path / "mask.ply", MASK)
+    done = cn.denoise_file(tmp_path / "mask.ply", tmp_path / "out.ply", **settings)
+    assert str(done.treated_as) == treatment
+    assert done.treated_as == cn.inspect(MASK).treated_as or settings
+
+
+def test_most_faces_decide_whether_a_mesh_is_said_to_be_enlarged():
+    for balls, treatment in (2, "enlarged volume (probability 1.00, "), (3, "vertex noise (probability "):
+        meshes = [MASK, *[noisy(icosphere(4), 0.15)] * balls]
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+        vertices = np.concatenate([mesh.vertices + 5 * number for number, mesh in enumerate(meshes)])
+        faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+        told = mesh_treatment(Mesh(vertices, faces))
+        assert str(told).startswith(treatment)
+        share = len(MASK.faces) / len(faces)
+        assert told.share == pytest.approx(share if balls == 2 else 1 - share)
 
 
 def test_only_the_enlarged_one_of_two_components_is_copied():
