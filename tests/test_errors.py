@@ -42,6 +42,14 @@ def test_a_way_out_is_a_setting_and_not_a_text():
     assert worded(error).endswith("or denoise with --on-bad isolate")
 
 
+@pytest.mark.parametrize("use", [lambda mesh: cn.compare(mesh, BALL), cn.fill_holes])
+def test_functions_that_cannot_isolate_do_not_suggest_it(use):
+    vertices = BALL.vertices.copy()
+    vertices[3] = np.nan
+    error = raised(use, (vertices, BALL.faces))
+    assert error.remedy is None and "give them a position" in str(error) and "isolate" not in str(error)
+
+
 def test_a_file_that_exists_may_be_replaced_by_force(tmp_path):
     (tmp_path / "ball.ply").touch()
     error = raised(cn.write, cn.from_arrays(BALL.vertices, BALL.faces), tmp_path / "ball.ply")

@@ -38,7 +38,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
 
     Bad vertices and faces that were isolated are kept. Messages contain the name.
     """
-    mesh = mesh_of_file(file, name)
+    mesh = mesh_of_file(file, name, may_isolate=True)
     among = component_count(mesh)
     small, first = small_components(mesh, limit)
     if not len(first):

@@ -186,7 +186,7 @@ def opened_file(
         dropped = without_small_components(file, drop_components, source_name(source))
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
-    mesh = mesh_of_file(file, source_name(source))
+    mesh = mesh_of_file(file, source_name(source), may_isolate=True)
     resolved = resolve_controls(controls, whole)
     if dropped is not None:
         resolved = controls_of_kept(resolved, dropped, whole)
@@ -201,7 +201,7 @@ def moved_file(file: io.MeshFile, vertices: Floats, mesh: Mesh, controls: Contro
 
 def _welded(file: io.MeshFile, distance: float, in_edges: bool, name: str) -> io.MeshFile:
     """Return a file with nearby boundary vertices joined; raises ParameterError for half an edge length or more."""
-    edge = mesh_of_file(file, name).mean_edge_length
+    edge = mesh_of_file(file, name, may_isolate=True).mean_edge_length
     if in_edges:
         distance *= edge
     if not distance < 0.5 * edge:

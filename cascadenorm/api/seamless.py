@@ -9,7 +9,7 @@ from cascadenorm.api.opened_files import moved_file
 from cascadenorm.api.selection import resolve_controls, weld_controls
 from cascadenorm.controls.weights import selected_faces
 from cascadenorm.io import MeshFile
-from cascadenorm.io.interop import adapter, as_mesh, is_pair
+from cascadenorm.io.interop import adapter, is_pair, mesh_of_file, source_name
 from cascadenorm.mesh import Bools, Ints32, Mesh, bad_faces, bad_vertices, isolated
 from cascadenorm.mesh.welding import weld
 from cascadenorm.registry.controls import Controls
@@ -29,7 +29,7 @@ class SeamlessMesh(NamedTuple):
         """Convert a mesh of any kind except a path; `isolate` leaves out its bad faces."""
         if isinstance(given, MeshFile | Mesh):
             given = given.isolating() if isolate and isinstance(given, MeshFile) else given
-            mesh = as_mesh(given)
+            mesh = given if isinstance(given, Mesh) else mesh_of_file(given, source_name(given), may_isolate=True)
             return cls(given, mesh.vertices, np.arange(len(mesh.vertices), dtype=np.int32), mesh)
         checked_mesh = isolated if isolate else Mesh
         vertices, faces = given if is_pair(given) else adapter(given).arrays(given)

@@ -64,7 +64,11 @@ def as_mesh(source: Any) -> Mesh:
         return source
     if isinstance(source, io.MeshFile) or is_stored(source):
         return mesh_of_file(as_file(source), source_name(source))
-    return Mesh(*arrays_of(source))
+    try:
+        return Mesh(*arrays_of(source))
+    except MeshError as error:
+        error.remedy = None  # as in `mesh_of_file`
+        raise
 
 
 def as_file(source: Any) -> io.MeshFile:
@@ -94,13 +98,17 @@ def save_mesh(path: Path, mesh: Mesh, *, force: bool = False) -> None:
     io.write(io.from_arrays(mesh.vertices, mesh.faces), path, force=force)
 
 
-def mesh_of_file(file: io.MeshFile, name: str) -> Mesh:
-    """Return the triangles of a file that was read. Error messages start with its name."""
+def mesh_of_file(file: io.MeshFile, name: str, *, may_isolate: bool = False) -> Mesh:
+    """Return the triangles of a file that was read. Error messages start with its name.
+
+    They suggest to isolate what is bad only if the caller can do so.
+    """
     try:
         return file.mesh
     except io.ReadError:
         raise
     except MeshError as error:
+        error.remedy = error.remedy if may_isolate else None
         raise error.within(name) from None
 
 

@@ -102,7 +102,7 @@ class Workbench:
         except io.ReadError as error:
             raise error.within(name) from error.__cause__
         try:
-            self.mesh = mesh_of_file(self.file, name)
+            self.mesh = mesh_of_file(self.file, name, may_isolate=True)
         except MeshError as error:
             if error.remedy is None:
                 raise

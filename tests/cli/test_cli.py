@@ -18,6 +18,27 @@ OFF = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 
 
 
 @pytest.mark.parametrize(
+    ("words", "suggests"),
+    [
+        ("compare bad.obj true.ply", False),
+        ("compare bad.obj true.ply --report r.html", False),
+        ("spectrum bad.obj", False),
+        ("fill-holes bad.obj", False),
+        ("render bad.obj -o a.png", False),
+        ("denoise true.ply --report r.html --truth bad.obj", False),
+        ("denoise bad.obj", True),
+        ("denoise bad.obj --weld 0.1", True),
+        ("denoise bad.obj --drop-components 10", True),
+        ("denoise-regions bad.obj true.ply -o out", True),
+    ],
+)
+def test_isolating_is_suggested_only_where_it_helps(place, capsys, words, suggests):
+    (place / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", encoding="ascii")
+    code, message = refused(capsys, *words.split())
+    assert code == 4 and "not finite" in message and ("--on-bad isolate" in message) == suggests
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         "denoise ball.ply -o new/out.ply",
