@@ -8,9 +8,9 @@ from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkPolyData
 
 from cascadenorm.api.api import denoise
 from cascadenorm.api.regions.regions import denoise_regions
+from cascadenorm.api.seamless import SeamlessMesh
 from cascadenorm.api.selection import weights_of_attribute
 from cascadenorm.errors import MeshError, ParameterError
-from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.polydata import vtk_array
 
 
@@ -26,7 +26,8 @@ def denoised(data: Any, settings: Mapping[str, Any]) -> Any:
     copy = data.NewInstance()
     copy.CopyStructure(data)
     copy.GetFieldData().DeepCopy(data.GetFieldData())
-    moved = denoise_regions([_checked(place) for place in _blocks(data)], **settings)
+    isolate = settings.get("on_bad") == "isolate"
+    moved = denoise_regions([_checked(place, isolate=isolate) for place in _blocks(data)], **settings)
     for place, block in zip(_blocks(data), moved, strict=True):
         copy.SetDataSet(place, block)
     return copy
@@ -41,11 +42,11 @@ def _blocks(data: Any) -> Iterator[Any]:
         place.GoToNextItem()
 
 
-def _checked(place: Any) -> Any:
+def _checked(place: Any, *, isolate: bool) -> Any:
     """Return the block at a place; errors begin with its name."""
     block = place.GetCurrentDataObject()
     try:
-        as_mesh(block)
+        SeamlessMesh.of(block, isolate=isolate)
     except MeshError as error:
         name = place.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()) if place.HasCurrentMetaData() else None
         raise error.within(name or f"block {place.GetCurrentFlatIndex()}") from None

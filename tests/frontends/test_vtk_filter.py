@@ -141,6 +141,16 @@ def test_blocks_keep_their_walls_shared():
     assert vertices(out.GetBlock(2).GetBlock(0)).tobytes() == expected[1].vertices.tobytes()
 
 
+def test_blocks_may_have_vertices_that_are_isolated(window):
+    blocks, broken = vtkMultiBlockDataSet(), polydata(BALL.moved(BALL.vertices))
+    vtk_to_numpy(broken.GetPoints().GetData())[5] = np.nan
+    blocks.SetBlock(0, broken)
+    denoised_by(blocks)
+    assert "SetOnBad('isolate')" in window.GetOutput()
+    out = vertices(denoised_by(blocks, OnBad="isolate").GetOutput().GetBlock(0))
+    assert np.isnan(out[5]).all() and np.isfinite(np.delete(out, 5, axis=0)).all()
+
+
 def test_progress_is_reported_and_an_observer_can_end_the_work():
     shares = []
     filter = DenoiseFilter()
