@@ -131,6 +131,19 @@ def test_chains_that_do_not_close_are_left_open():
     assert len(fill_holes(twisted).faces) == 2
 
 
+@pytest.mark.parametrize("outer", ["keep", "fill"])
+@pytest.mark.parametrize("joined", [True, False])
+def test_a_single_face_is_not_closed_with_its_reverse(joined, outer):
+    ball = without_cap(2, 0.87)
+    first = 0 if joined else len(ball.vertices)
+    vertices = np.concatenate([ball.vertices, [(3, 0, 0), (3, 1, 0), (3, 0, 1)]])
+    dangling = (first, *(len(ball.vertices) + np.arange(1, 3)))
+    found, holes = filled(Mesh(vertices, [*ball.faces, dangling]), order=1, max_edges=None, outer=outer)
+    assert len(holes.closed) == 1
+    assert (np.isin(found.faces, dangling[1:]).any(axis=1)).sum() == 1
+    assert_closed_and_oriented(Mesh(found.vertices, np.delete(found.faces, len(ball.faces), axis=0)))
+
+
 @pytest.mark.parametrize("settings", [{"order": 4}, {"max_edges": 2}, {"outer": "both"}])
 def test_bad_settings_are_refused(settings):
     with pytest.raises(ParameterError, match="must be"):

@@ -40,7 +40,7 @@ def fill_holes(mesh: Mesh, *, order: Order = 2, max_edges: int | None = None, ou
     ----------
     mesh
         Mesh with holes. Chains of boundary edges that do not form a loop, as between faces of opposite orientation, are
-        left open.
+        left open, and so are single faces that are joined to others by a vertex at most.
     order
         1 for a membrane, 2 for a thin plate, which continues the tangents, 3 for minimum variation, which continues the
         curvature.
@@ -74,11 +74,10 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
     vertices, faces, scale = mesh.vertices, mesh.faces, _edge_length_around(mesh)
     beside = _faces_at_boundary(mesh)
     chords = np.empty((0, 2), np.int64)  # edges of patches between original vertices
-    holes = _sorted(mesh, max_edges, outer)
+    holes = _sorted(mesh, beside, max_edges, outer)
     for loop in holes.closed:
         taken = _edges_within(mesh, loop, chords)
-        sides = zip(np.roll(loop, -1).tolist(), loop.tolist(), strict=True)  # in the direction of the faces beside
-        normals = mesh.face_normals[[beside[side] for side in sides]]
+        normals = mesh.face_normals[[beside[side] for side in _sides(loop)]]
         patch = loop[triangulate_loop(mesh.vertices[loop], normals, _places(loop, taken))]
         count = len(vertices)
         vertices, patch = refine(vertices, patch, scale, taken)
@@ -96,8 +95,8 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
     return whole, holes
 
 
-def _sorted(mesh: Mesh, max_edges: int | None, outer: Outer) -> Holes:
-    """Sort the boundary loops into those to fill and those to keep."""
+def _sorted(mesh: Mesh, beside: dict[tuple[int, int], int], max_edges: int | None, outer: Outer) -> Holes:
+    """Sort the boundary loops into those to fill and those to keep; a loop around a single face is neither."""
     loops = boundary_loops(mesh)
     outermost = _outer_boundaries(mesh, loops) if outer == "keep" else set()
     holes = Holes([], [], [])
@@ -106,7 +105,7 @@ def _sorted(mesh: Mesh, max_edges: int | None, outer: Outer) -> Holes:
             holes.outer.append(loop)
         elif max_edges is not None and len(loop) > max_edges:
             holes.long.append(loop)
-        else:
+        elif len({beside[side] for side in _sides(loop)}) > 1:  # else it would be filled with the reverse of the face
             holes.closed.append(loop)
     return holes
 
@@ -149,6 +148,11 @@ def boundary_loops(mesh: Mesh) -> list[Ints32]:
                     del place[vertex]
                 del path[cut + 1 :]
     return [loop for loop in loops if len(loop) > 2]
+
+
+def _sides(loop: Ints32) -> list[tuple[int, int]]:
+    """Return the edges of a loop in the direction of the faces beside it."""
+    return list(zip(np.roll(loop, -1).tolist(), loop.tolist(), strict=True))
 
 
 def _faces_at_boundary(mesh: Mesh) -> dict[tuple[int, int], int]:
