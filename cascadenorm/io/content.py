@@ -129,6 +129,7 @@ class Labels(NamedTuple):
 
 CHANNELS = ("red", "green", "blue", "alpha")
 TEXTURE = ("s", "t")  # names of texture coordinates among the vertex values
+TEXTURE_NAMES = (TEXTURE, ("texture_u", "texture_v"), ("u", "v"))  # further names of them in PLY files
 TEXTURE_ARRAYS = ("tcoords", "texturecoordinates", "texture coordinates")
 """Names of arrays of texture coordinates in VTK files, in lower case."""
 
@@ -181,6 +182,7 @@ class Look(NamedTuple):
     def of(cls, values: Mapping[str, NDArray[Any]]) -> "Look":
         """Return the colours and texture coordinates among the values of vertices; None for missing ones."""
         rgb = [channel.astype(np.float32) for name, channel in channels(values).items() if name != "alpha"]
-        st = [values[name] for name in TEXTURE] if all(name in values for name in TEXTURE) else []
+        pair = next((pair for pair in TEXTURE_NAMES if all(name in values for name in pair)), ())
+        st = [values[name] for name in pair]
         colors = np.stack(rgb, axis=1) / np.float32(255) if rgb else None
-        return cls(colors, np.stack(st, axis=1) if st else None, CHANNELS[: len(rgb)] + TEXTURE[: len(st)])
+        return cls(colors, np.stack(st, axis=1) if st else None, CHANNELS[: len(rgb)] + pair)

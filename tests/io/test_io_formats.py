@@ -429,3 +429,17 @@ def test_an_obj_whose_textured_faces_reference_missing_vertices_converts_isolate
     file = read(text + faces).isolating()
     moved = written(file.with_vertices(file.mesh.vertices * 2)).split(b"\n")
     assert b"vn 0 1 0" in moved  # of the face that is left as it is
+
+
+@pytest.mark.parametrize("names", [("s", "t"), ("texture_u", "texture_v"), ("u", "v")])
+def test_texture_coordinates_of_ply_are_converted_whatever_their_names(tmp_path, names):
+    st = np.arange(8, dtype=np.float32).reshape(4, 2) / 8
+    polygons = Polygons.from_rows(np.array(SIDES))
+    content = Content(np.array(TETRAHEDRON, np.float32), polygons, dict(zip(names, st.T, strict=True)))
+    (tmp_path / "a.ply").write_bytes(b"".join(FORMATS["ply"].encode(content)[0]))
+    for name in ("a.obj", "a.glb", "a.dae"):
+        assert io.write(cn.read(tmp_path / "a.ply"), tmp_path / name) == []
+        found = cn.read(tmp_path / name).content().vertex_values
+        np.testing.assert_array_equal(np.stack([found["s"], found["t"]], axis=1), st)
+    io.write(cn.read(tmp_path / "a.ply"), tmp_path / "b.ply")
+    assert set(cn.read(tmp_path / "b.ply").content().vertex_values) == set(names)
