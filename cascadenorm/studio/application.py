@@ -20,6 +20,7 @@ from cascadenorm.studio.uploads import TooLarge, Uploads
 
 MOST_REQUEST_BYTES = 1 << 20  # largest size of a JSON request, in bytes
 MOST_TICKET = 100  # largest length of the ticket by which a page identifies its request
+MOST_DIGITS = 20  # length from which a number in a path was not given out
 PULSE = 1.0  # seconds without an event after which a comment is sent, so that a closed page is noticed
 
 ASSETS = {
@@ -54,9 +55,9 @@ class Application:
         asked: dict[str, tuple[str, Handler]] = {
             "/api/form": ("GET", self.form),
             "/api/events": ("GET", self.events),
-            "/api/scene/{number:int}": ("GET", self.scene),
+            "/api/scene/{number}": ("GET", self.scene),
             "/api/drop": ("POST", self.drop),
-            "/api/drop/{drop:int}": ("POST", self.take),
+            "/api/drop/{number}": ("POST", self.take),
             "/api/open": ("POST", self.open),
             "/api/paint": ("POST", self.paint),
             "/api/kept-paint": ("GET", self.kept_paint),
@@ -65,7 +66,7 @@ class Application:
             "/api/cancel": ("POST", self.cancel),
             "/api/recipe": ("POST", self.recipe),
             "/api/save": ("POST", self.save),
-            "/api/saved/{number:int}": ("GET", self.saved),
+            "/api/saved/{number}": ("GET", self.saved),
             "/api/download": ("POST", self.download),
         }
         asked |= {path: ("GET", _asset(*asset)) for path, asset in ASSETS.items()}
@@ -105,7 +106,7 @@ class Application:
 
     async def scene(self, request: Request) -> Response:
         """Return a scene by its number from an event."""
-        scene = self._session.scenes.get(request.path_params["number"])
+        scene = self._session.scenes.get(_number(request))
         if scene is None:
             raise HTTPException(404)
         return Response(scene, media_type="application/json")
@@ -119,7 +120,7 @@ class Application:
         """Receive one of the dropped files."""
         length = request.headers.get("content-length", "0")
         await self._uploads.take(
-            self._known_drop(request.path_params["drop"]),
+            self._known_drop(_number(request)),
             request.query_params.get("name"),
             request.stream(),
             announced=int(length) if length.isdecimal() else 0,
@@ -183,8 +184,8 @@ class Application:
 
     async def saved(self, request: Request) -> Response:
         """Return a file that was saved in this session, by its number from `save`."""
-        number = request.path_params["number"]
-        if not number < len(self._saved) or not Path(self._saved[number]).is_file():
+        number = _number(request)
+        if not 0 <= number < len(self._saved) or not Path(self._saved[number]).is_file():
             raise HTTPException(404)
         return FileResponse(self._saved[number], media_type="application/octet-stream")
 
@@ -217,6 +218,12 @@ def _asset(name: str, kind: str) -> Handler:
         return Response(content, media_type=kind)
 
     return handler
+
+
+def _number(request: Request) -> int:
+    """Return the number in the path of a request; -1 if it is none, or longer than any that was given out."""
+    text = request.path_params["number"]
+    return int(text) if text.isdecimal() and len(text) < MOST_DIGITS else -1
 
 
 async def _body(request: Request, most: int) -> bytes:

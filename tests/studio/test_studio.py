@@ -138,6 +138,13 @@ def test_dropped_files_have_plain_names(studio, name):
     assert status == 400 and "plain file name" in answer["error"]
 
 
+@pytest.mark.parametrize("number", ["9" * 5000, "-1", "1.0", "x"])
+def test_a_number_that_was_not_given_out_is_not_found(studio, number):
+    assert studio.asked("GET", f"/api/scene/{number}")[0] == studio.asked("GET", f"/api/saved/{number}")[0] == 404
+    status, answer = studio.asked("POST", f"/api/drop/{number}?name=a.ply", b"ply\n")
+    assert status == 400 and "nothing was dropped" in answer["error"]
+
+
 @pytest.mark.parametrize("path", ["/../page.py", "/%2e%2e/server.py", "/server.py", "/api/scene/..%2f1", "/etc/passwd"])
 def test_no_other_file_is_served(studio, path):
     assert studio.asked("GET", path)[0] == 404
