@@ -11,7 +11,7 @@ import numpy as np
 from cascadenorm.baselines.bilateral_normal import bilateral_normal
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.coarse_copy import CoarseCopy, coarse_copy
-from cascadenorm.mesh import Floats, Mesh, Vectors, pair_products
+from cascadenorm.mesh import Floats, Mesh, Vectors, pair_products, row_distances
 from cascadenorm.mesh.averages import averaged
 
 SHARES = 0.6, 0.525, 0.675
@@ -29,7 +29,7 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
     If the copies would not have longer edges than the mesh, the mesh itself is denoised. `denoise` returns new vertices
     of a copy. Returns the mean over the copies, (n, 3). Vertices without a face do not move.
     """
-    if not is_wide(mesh, width):
+    if not wide_on_components(mesh, width).any():
         return denoise(CoarseCopy(mesh, np.arange(len(mesh.vertices), dtype=np.int32)))
     sums = np.zeros_like(mesh.vertices)
     for number in track(len(SHARES)):
@@ -42,9 +42,13 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
     return unfolded(mesh, bilateral_normal(moved, iterations=FINISHING_PASSES))
 
 
-def is_wide(mesh: Mesh, width: float) -> bool:
-    """Whether a width, in mesh units, is that of errors that are removed on coarse copies of the mesh."""
-    return bool(max(SHARES) * width > mesh.mean_edge_length)
+def wide_on_components(mesh: Mesh, width: float) -> Floats:
+    """Return the width of errors, in mesh units, on each of c components; 0 where no copy would have longer edges."""
+    components, edges = mesh.topology.components, mesh.topology.edges
+    of_edges, count = components[edges[:, 0]], int(components.max()) + 1
+    sums = np.bincount(of_edges, row_distances(mesh.vertices, edges), minlength=count)
+    counts = np.bincount(of_edges, minlength=count)
+    return np.where((counts > 0) & (max(SHARES) * width > sums / np.maximum(counts, 1)), width, 0.0)
 
 
 def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
@@ -67,17 +71,18 @@ def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
     return vertices
 
 
-def without_steps(
+def without_errors_of(
     mesh: Mesh, widths: Floats, denoise: Callable[[Mesh], Vectors], denoise_copy: Callable[[CoarseCopy], Vectors]
 ) -> Vectors:
-    """Denoise a mesh in which some connected components have steps of a known width.
+    """Denoise a mesh in which some connected components have errors, such as steps, of a known width.
 
-    The widths, (c,), are those from `enlarged_steps`; 0 for components without steps. `denoise` returns new vertices of
-    these, and `denoise_copy` those of a copy of the others.
+    The widths, (c,), are those from `enlarged_steps` or `wide_on_components`; 0 for components without such errors.
+    `denoise` returns new vertices of these, and `denoise_copy` those of a copy of the others.
     """
     vertices, of_faces = mesh.vertices.copy(), widths[mesh.topology.face_components]
     for width in np.unique(of_faces):
-        part = Mesh(mesh.vertices, mesh.faces[of_faces == width]) if len(widths) > 1 else mesh
+        here = of_faces == width
+        part = mesh if here.all() else Mesh(mesh.vertices, mesh.faces[here])
         moved = without_wide_errors(part, float(width), denoise_copy) if width else denoise(part)
         used = part.topology.used_vertices
         vertices[used] = moved[used]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.api.regions.shells import Shells, split_into_shells
 from cascadenorm.api.regions.walls import joined_walls, with_region_volumes
-from cascadenorm.baselines.wide_errors import is_wide
+from cascadenorm.baselines.wide_errors import wide_on_components
 from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, all_in_rows, first_places
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
@@ -154,7 +154,8 @@ def run_with_controls(
         note = denoised.append if method.name == JUDGING_METHOD else None
         settings = StepSettings.of(method, checked, controls, framed, exponent)
         creases = _creases(framed, controls, order)
-        on_copies = settings.remove_detail is not None and is_wide(framed, settings.remove_detail)
+        removed = settings.remove_detail
+        on_copies = removed is not None and bool(wide_on_components(framed, removed).any())
         step = _step(settings, framed, order.numbers, parts, creases, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:

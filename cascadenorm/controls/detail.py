@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from cascadenorm.baselines.rolling_guidance import rolling_guidance_normal
-from cascadenorm.baselines.wide_errors import without_steps, without_wide_errors
+from cascadenorm.baselines.wide_errors import wide_on_components, without_errors_of
 from cascadenorm.controls.displacement import clip_lengths
 from cascadenorm.detection.steps import enlarged_steps
 from cascadenorm.errors import DenoiseError
@@ -56,13 +56,15 @@ def apply_method(method: Method, parameters: Mapping[str, Any], width: float | N
     The width of the errors is in mesh units. If it is None, learned methods detect the steps of enlarged volumes.
     Returns (n, 3) vertices.
     """
-    on_copy = partial(_on_copy, method, parameters)
     if width is not None:
-        return without_wide_errors(mesh, width, on_copy)
-    widths = enlarged_steps(mesh) if method.converges else np.zeros(1)
+        widths = wide_on_components(mesh, width)
+    else:
+        widths = enlarged_steps(mesh) if method.converges else np.zeros(1)
     if not widths.any():
         return _returned(method, parameters, mesh)
-    return without_steps(mesh, widths, partial(_returned, method, parameters), on_copy)
+    return without_errors_of(
+        mesh, widths, partial(_returned, method, parameters), partial(_on_copy, method, parameters)
+    )
 
 
 def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) -> Vectors:

@@ -154,6 +154,23 @@ def test_only_the_enlarged_one_of_two_components_is_copied():
     assert mean_angle(second, icosphere(4)) < 0.3 * mean_angle(rough, icosphere(4))
 
 
+@pytest.mark.parametrize("method", ["auto", "bilateral-normal"])
+def test_a_coarser_component_does_not_keep_errors_on_a_finer_one(method):
+    fine, true = BUMPY, BUMPY.moved(unit(BUMPY.vertices))
+    coarse = noisy(icosphere(3), 0.2)
+    coarse = coarse.moved(coarse.vertices * 20 + 50)
+    both = Mesh(
+        np.concatenate([fine.vertices, coarse.vertices]),
+        np.concatenate([fine.faces, coarse.faces + len(fine.vertices)]),
+    )
+    width = 8 * fine.mean_edge_length
+    assert width < coarse.mean_edge_length
+    vertices = cn.denoise(both, method=method, remove_detail=width).vertices
+    found, other = fine.moved(vertices[: len(fine.vertices)]), coarse.moved(vertices[len(fine.vertices) :])
+    assert mean_angle(found, true) < 0.3 * mean_angle(fine, true)
+    np.testing.assert_allclose(other.vertices, cn.denoise(coarse, method=method).vertices, atol=1e-6)
+
+
 @pytest.mark.parametrize("width", [0, "1 edge"])
 def test_a_width_that_needs_no_copy_leaves_the_method_alone(width):
     asked = cn.denoise(BUMPY, method="taubin", remove_detail=width).vertices
