@@ -78,7 +78,7 @@ def _group_limits() -> Iterator[int]:
 def parse_bytes(text: str | int) -> int:
     """Return the number of bytes for the setting `memory`, a number or text like "4GB". Raises ParameterError."""
     given = f"{text}B" if isinstance(text, int | float) else str(text)
-    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)
+    match = re.fullmatch(r"\s*(\d{1,99}(?:\.\d*)?)\s*(?:([kmgt]i?)b?|b)\s*", given, re.IGNORECASE)
     size = math.floor(float(match[1]) * _UNITS[(match[2] or "").lower()]) if match else 0
     if size < 1:
         raise ParameterError(

@@ -18,7 +18,7 @@ def component_limit(limit: str | int) -> tuple[Fraction, bool]:
     Returns the number or fraction, and whether it is a fraction. Raises ParameterError if the limit is neither a whole
     number of at least 1 nor a percentage between 0 and 100.
     """
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(%?)\s*", str(limit))
+    found = re.fullmatch(r"\s*(\d{1,99}(?:\.\d{1,99})?)\s*(%?)\s*", str(limit))
     number = Fraction(found[1]) if found else Fraction(0)
     share = bool(found and found[2])
     if not number > 0 or (share and number > 100) or not (share or number.denominator == 1):

@@ -131,7 +131,7 @@ def read_config(path: str | PathLike[str]) -> TrainConfig:
             table = tomllib.load(file)
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # also of numbers with too many digits
         raise ConfigError(f"{path} is not TOML: {error}") from None
     try:
         return settings_from(TrainConfig(), table)

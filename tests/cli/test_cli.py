@@ -73,6 +73,7 @@ def test_arguments_are_named_as_options_and_parameters_of_methods_are_not(place,
     for arguments, told in (
         ("render ball.ply -o a.png --values bogus", "--values is 'bogus'; it must be one of angle, "),
         ("batch ball.ply -o out --memory much", "--memory is 'much'"),
+        (f"denoise ball.ply --memory {'9' * 400}GB", "--memory is '99"),
         ("denoise ball.ply --scheduler local", "--scheduler works on patches"),
         ("denoise ball.ply --method laplacian --set iterations=-1", "iterations is -1"),
     ):

@@ -59,7 +59,7 @@ def test_of_components_of_one_size_all_are_the_largest():
     assert not small_components(together(SMALL, SMALL), 1000)[0].any()
 
 
-@pytest.mark.parametrize("limit", ["", "much", "0", 0, -3, "101%", "1.5", "5 faces"])
+@pytest.mark.parametrize("limit", ["", "much", "0", 0, -3, "101%", "1.5", "5 faces", "9" * 5000])
 def test_what_is_no_size_is_refused(limit):
     with pytest.raises(ParameterError, match="drop_components is"):
         component_limit(limit)

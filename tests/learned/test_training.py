@@ -397,6 +397,7 @@ def test_settings_are_read_from_toml(tmp_path):
     ("text", "message"),
     [
         ("cluster = 3", "there is no setting cluster"),
+        (f"seed = {'9' * 5000}", "is not TOML"),
         ("[fit]\nwidth = 3", "there is no setting fit.width; fit settings are hidden"),
         ("seed = -1", "seed is -1; it must be at least 0"),
         ("context = -1", "context is -1; it must be at least 0"),
