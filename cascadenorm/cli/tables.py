@@ -35,7 +35,8 @@ SCHEMA_VERSION = 1
 """Version of the schema; it changes if a key is renamed, removed or redefined, but not if one is added."""
 
 
-def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
+def print_denoised(done: "DenoisingSummary", *, file: TextIO, can_weld: bool = True) -> None:
+    """Print what was done; `can_weld` is whether the command has the option --weld."""
     print(f"{done.source} -> {done.output}", file=file)
     print(
         f"{done.method}: {counted(done.faces, 'face')} in {done.seconds:.2f} s; "
@@ -67,7 +68,8 @@ def print_denoised(done: "DenoisingSummary", *, file: TextIO) -> None:
         notify(done.remedies)
     if done.nearly_coincident:
         near = counted(done.nearly_coincident, "boundary vertex lies", "boundary vertices lie")
-        notify(f"{near} within 0.001 edges of another one, but not joined with it: --weld '0.001 edges' joins them")
+        advice = ": --weld '0.001 edges' joins them" if can_weld else ""
+        notify(f"{near} within 0.001 edges of another one, but not joined with it{advice}")
     print_left_out(done.left_out)
 
 

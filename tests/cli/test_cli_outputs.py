@@ -156,6 +156,18 @@ def test_a_volume_that_cannot_be_kept_is_named(place, capsys, mesh, is_open):
     assert "volume" not in capsys.readouterr().err
 
 
+def test_vertices_that_nearly_coincide_are_named_and_how_to_join_them_if_the_command_can(place, capsys):
+    sheet = grid(6, 6)
+    right = sheet.centroids[:, 0] > 3
+    vertices = np.concatenate([sheet.vertices, sheet.vertices + 1e-5])
+    save_mesh(place / "seam.ply", Mesh(vertices, np.where(right[:, None], sheet.faces + 49, sheet.faces)))
+    said = "7 boundary vertices lie within 0.001 edges of another one, but not joined with it"
+    assert run(["denoise", "seam.ply", *FAST]) == 0
+    assert f"{said}: --weld '0.001 edges' joins them\n" in capsys.readouterr().err
+    assert run(["denoise-regions", "seam.ply", *FAST, "--force"]) == 0
+    assert f"{said}\n" in capsys.readouterr().err
+
+
 def test_a_volume_that_a_limit_does_not_let_restore_is_named(place, capsys):
     vertices, faces = np.concatenate([ROUGH.vertices, ROUGH.vertices + 5]), [*ROUGH.faces, *(ROUGH.faces + 162)]
     save_mesh(place / "two.ply", Mesh(vertices, faces))

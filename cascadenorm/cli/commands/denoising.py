@@ -239,7 +239,7 @@ def denoise_regions(
         tables.print_json("denoise-regions", {"files": [asdict(one) for one in done]})
     else:
         for one in done:
-            tables.print_denoised(one, file=sys.stdout)
+            tables.print_denoised(one, file=sys.stdout, can_weld=False)
 
 
 @app.command()
