@@ -24,7 +24,7 @@ from cascadenorm.io.base import Piece
 from cascadenorm.io.files import beside, check_extension, check_stream, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
-from cascadenorm.mesh import Floats, Mesh, row_lengths, without_lines
+from cascadenorm.mesh import Floats, Mesh, in_frame, row_lengths, without_lines
 from cascadenorm.mesh.welding import nearly_coincident
 from cascadenorm.registry import Method
 from cascadenorm.registry.controls import Controls, parsed_length
@@ -238,6 +238,8 @@ def written_file(
     lengths = row_lengths(np.ldexp(applied.vertices - mesh.vertices, -applied.exponent))
     edge = applied.seen.mean_edge_length
     in_edges = lengths / edge if edge > 0 else lengths
+    whole = without_lines(mesh)  # repeated faces, which `seen` lacks, are no boundary for `inspect` and `weld`
+    near = nearly_coincident(applied.seen if len(applied.seen.faces) == len(whole.faces) else in_frame(whole)[0])
     closed, changed = (None, None) if controls["volume"] is None else applied.changed_volumes(mesh.vertices)
     summary = DenoisingSummary(
         source=source_name(source),
@@ -258,7 +260,7 @@ def written_file(
         left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
         closed_surfaces=closed,
         changed_volumes=changed,
-        nearly_coincident=int(nearly_coincident(applied.seen).sum()),
+        nearly_coincident=int(near.sum()),
         weld=opened.weld,
         drop_components=opened.drop_components,
         dropped_components=opened.dropped.components if opened.dropped else 0,

@@ -9,6 +9,7 @@ from test_io import OBJ, read, stl_binary, stl_text, written
 import cascadenorm as cn
 from cascadenorm.api.inspection import inspect
 from cascadenorm.cli import run
+from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.welding import weld
 
@@ -117,3 +118,16 @@ def test_runs_of_hashes_take_no_time():
     for line in (b"#" * 200, b"##\n" * 200):
         assert len(read(line + b"\n" + OBJ, "obj").positions) == len(read(OBJ).positions)
         assert read(line + b"\n" + OBJ).format == "obj"
+
+
+def test_vertices_inside_a_surface_with_back_faces_do_not_nearly_coincide(tmp_path):
+    """Every edge has a front and a back face, so that welding joins nothing, and denoising must not suggest it."""
+    sheet = grid(6, 6)
+    right = sheet.centroids[:, 0] > 3
+    vertices = np.concatenate([sheet.vertices, sheet.vertices + 1e-5])
+    faces = np.where(right[:, None], sheet.faces + 49, sheet.faces)
+    for number, both in enumerate((faces, np.concatenate([faces, faces[:, ::-1]]))):
+        save_mesh(tmp_path / f"{number}.ply", Mesh(vertices, both))
+        done = cn.denoise_file(tmp_path / f"{number}.ply", tmp_path / "out.ply", method="laplacian", force=True)
+        found = cn.inspect(tmp_path / f"{number}.ply")
+        assert done.nearly_coincident == found.nearly_coincident.count == 7 * (number == 0)
