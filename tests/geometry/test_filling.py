@@ -131,6 +131,14 @@ def test_chains_that_do_not_close_are_left_open():
     assert len(fill_holes(twisted).faces) == 2
 
 
+def test_the_outer_boundary_of_a_sheet_that_hangs_on_a_vertex_is_kept():
+    ball, sheet = icosphere(3), grid(2, 2)
+    number = np.append(0, len(ball.vertices) + np.arange(8))  # of the vertices of the sheet
+    both = Mesh(np.concatenate([ball.vertices, 2 + sheet.vertices[1:]]), [*ball.faces, *number[sheet.faces]])
+    found, holes = filled(both, order=1, max_edges=None, outer="keep")
+    assert [len(loop) for loop in holes.outer] == [8] and len(found.faces) == len(both.faces)
+
+
 @pytest.mark.parametrize("outer", ["keep", "fill"])
 @pytest.mark.parametrize("joined", [True, False])
 def test_a_single_face_is_not_closed_with_its_reverse(joined, outer):

@@ -10,7 +10,7 @@ from cascadenorm.geometry.fairing import fair
 from cascadenorm.geometry.holes.refinement import refine
 from cascadenorm.geometry.holes.triangulation import triangulate_loop
 from cascadenorm.geometry.laplacians import Order
-from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, in_frame, scatter_add, without_lines
+from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, connected_components, in_frame, scatter_add, without_lines
 
 FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 
@@ -98,7 +98,7 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
 def _sorted(mesh: Mesh, beside: dict[tuple[int, int], int], max_edges: int | None, outer: Outer) -> Holes:
     """Sort the boundary loops into those to fill and those to keep; a loop around a single face is neither."""
     loops = boundary_loops(mesh)
-    outermost = _outer_boundaries(mesh, loops) if outer == "keep" else set()
+    outermost = _outer_boundaries(mesh, loops, beside) if outer == "keep" else set()
     holes = Holes([], [], [])
     for number, loop in enumerate(loops):
         if number in outermost:
@@ -110,16 +110,19 @@ def _sorted(mesh: Mesh, beside: dict[tuple[int, int], int], max_edges: int | Non
     return holes
 
 
-def _outer_boundaries(mesh: Mesh, loops: list[Ints32]) -> set[int]:
-    """Return the indices of the loops that are the outer boundary of an open component."""
-    part, areas = mesh.topology.components, np.bincount(mesh.topology.face_components, mesh.areas)
+def _outer_boundaries(mesh: Mesh, loops: list[Ints32], beside: dict[tuple[int, int], int]) -> set[int]:
+    """Return the indices of the loops that are the outer boundary of an open component, whose faces share edges."""
+    count, edges = len(mesh.faces), mesh.topology.face_edges
+    links = np.stack([np.repeat(np.arange(count), 3), count + edges.ravel()], axis=1)
+    part = connected_components(links, count + len(mesh.topology.edges))
+    areas = np.bincount(part[:count], mesh.areas)
     longest: dict[int, tuple[float, int]] = {}
     for number, loop in enumerate(loops):
         reach = min(STRAIGHTENED, len(loop) // LEAST_PER_REACH)
         window = range(-reach, reach + 1)
         corners = np.mean([np.roll(mesh.vertices[loop], shift, axis=0) for shift in window], axis=0)
         length = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())
-        of_part = int(part[loop[0]])
+        of_part = int(part[beside[_sides(loop)[0]]])
         longest[of_part] = max(longest.get(of_part, (0.0, -1)), (length, number))
     return {number for of_part, (length, number) in longest.items() if length**2 >= OUTER * areas[of_part]}
 
