@@ -49,7 +49,8 @@ def parallel_map(count: int) -> Iterator[Map]:
                 "`if __name__ == '__main__':`",
             ) from None
         finally:
-            pool.shutdown(cancel_futures=True)
+            with interrupts_blocked():  # a second Ctrl-C during this wait would leave the processes waiting for work
+                pool.shutdown(cancel_futures=True)
 
 
 @contextmanager

@@ -72,6 +72,33 @@ def test_ctrl_c_while_processes_start_prints_nothing_from_them():
     assert (output, complaints) == ("stopped\n", "")
 
 
+INTERRUPTED_TWICE = """
+import signal
+from cascadenorm.execution.process_map import parallel_map
+signal.signal(signal.SIGINT, signal.default_int_handler)
+with parallel_map(2) as each:
+    for result in each(bytes, [20_000_000] * 1_000):
+        print("one", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches processes in another way there")
+@pytest.mark.parametrize("pause", [0, 0.01, 0.02, 0.05])
+def test_a_second_ctrl_c_does_not_leave_the_processes_waiting(pause):
+    command, piped = [sys.executable, "-c", INTERRUPTED_TWICE], subprocess.PIPE
+    with subprocess.Popen(command, stdout=piped, stderr=piped, text=True, start_new_session=True) as started:
+        assert started.stdout is not None
+        assert started.stdout.readline() == "one\n"
+        started.send_signal(signal.SIGINT)
+        time.sleep(pause)
+        started.send_signal(signal.SIGINT)
+        try:
+            started.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            os.killpg(started.pid, signal.SIGKILL)
+            raise
+
+
 KILLED = """
 import time
 from cascadenorm.execution.process_map import parallel_map
