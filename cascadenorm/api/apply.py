@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.api.regions.shells import Shells, split_into_shells
 from cascadenorm.api.regions.walls import joined_walls, with_region_volumes
-from cascadenorm.baselines.wide_errors import wide_on_components
 from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, all_in_rows, first_places
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
@@ -56,24 +55,24 @@ class Applied(NamedTuple):
     # (n, 3) vertices of `seen` after the first application by JUDGING_METHOD, before all controls except
     # `remove_detail`; None for other methods, and if no vertex was to be moved
     denoised: Vectors | None
-    # whether the method ran on coarse copies of `remove_detail`, or on a mesh that is cut along creases
-    other_triangles: bool = False
-    finds_steps: bool = True  # whether the method looked for the steps of enlarged volumes
+    is_cut: bool = False  # whether the method ran on a mesh that is cut along creases
+    width: float | None = None  # of the detail to remove, in units of the frame; None if the method looked for steps
 
     @classmethod
     def elsewhere(
-        cls,
-        mesh: Mesh,
-        vertices: NDArray[Any],
-        removed: Vectors | None = None,
-        *,
-        other_triangles: bool = False,
-        finds_steps: bool = True,
+        cls, mesh: Mesh, vertices: NDArray[Any], removed: Vectors | None = None, whole: "Applied | None" = None
     ) -> "Applied":
-        """Return vertices of a mesh that were computed otherwise, with the displacements by JUDGING_METHOD, (n, 3)."""
+        """Return vertices of a mesh that were computed otherwise, possibly as a part of a whole mesh.
+
+        `removed` are the displacements by JUDGING_METHOD, (n, 3).
+        """
         order, seen, parts, exponent = _prepared(without_lines(mesh), None)
         denoised = None if removed is None else seen.vertices + np.ldexp(removed[order.numbers], -exponent)
-        return cls(vertices, seen, parts, exponent, order.places, denoised, other_triangles, finds_steps)
+        applied = cls(vertices, seen, parts, exponent, order.places, denoised)
+        if whole is None:
+            return applied
+        width = None if whole.width is None else float(np.ldexp(whole.width, whole.exponent - exponent))
+        return applied._replace(is_cut=whole.is_cut, width=width)
 
     def seen_with(self, vertices: Vectors) -> Mesh:
         """Return `seen` with other vertices, (n, 3), given in the order and the unit of the mesh."""
@@ -154,8 +153,6 @@ def run_with_controls(
         note = denoised.append if method.name == JUDGING_METHOD else None
         settings = StepSettings.of(method, checked, controls, framed, exponent)
         creases = _creases(framed, controls, order)
-        removed = settings.remove_detail
-        on_copies = removed is not None and bool(wide_on_components(framed, removed).any())
         step = _step(settings, framed, order.numbers, parts, creases, note)
         slides = None if controls["slide"] is None else sliding(framed)
         if slides is not None:
@@ -171,8 +168,8 @@ def run_with_controls(
         controls["progress"](1.0)
     vertices = displace(mesh, displacement[order.places], exponent=exponent, limit=limit, dtype=np.dtype(dtype))
     first = denoised[0] if denoised else None
-    other_triangles, finds_steps = on_copies or creases is not None, settings.remove_detail is None
-    return Applied(vertices, framed, parts, exponent, order.places, first, other_triangles, finds_steps)
+    width, is_cut = settings.remove_detail, creases is not None
+    return Applied(vertices, framed, parts, exponent, order.places, first, is_cut, width)
 
 
 def step_key(method: Method, strength: float) -> float:

@@ -278,8 +278,8 @@ def detected_error(method: Method, applied: Applied, parameters: dict[str, Any])
     """
     if applied.denoised is None:
         return {"error": None, "treated_as": None}
-    chosen = as_unknown_surface(method, parameters) if applied.other_triangles else parameters
-    treated_as = mesh_treatment(applied.surfaces, finds_steps=applied.finds_steps, **method.with_defaults(chosen))
+    chosen = as_unknown_surface(method, parameters) if applied.is_cut else parameters
+    treated_as = mesh_treatment(applied.surfaces, width=applied.width, **method.with_defaults(chosen))
     treatment = None if treated_as is None else treated_as.treatment
     measured = None if treatment in (None, "unknown") else treatment != "vertex-noise"
     return {

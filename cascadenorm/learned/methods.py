@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from cascadenorm.baselines.wide_errors import wide_on_components
 from cascadenorm.detection.gate import Treatment
 from cascadenorm.detection.segmentation_steps import without_voxel_faces
 from cascadenorm.detection.spikes import impulsive, without_outliers
@@ -161,11 +162,12 @@ class MeshTreatment:
 
 
 def mesh_treatment(
-    mesh: Mesh, *, finds_steps: bool = True, model: Model = None, treat_as: TreatAs = None
+    mesh: Mesh, *, width: float | None = None, model: Model = None, treat_as: TreatAs = None
 ) -> MeshTreatment | None:
     """Return how `auto` treats a mesh without repeated faces, or None for a model without a gate.
 
-    `finds_steps` is whether coarse copies are made of components that have the steps of enlarged volumes.
+    Components on which errors of the width, in mesh units, are wide are denoised on coarse copies, as an unknown
+    surface. If the width is None, those that have the steps of enlarged volumes are.
     """
     network = loaded(model, "auto")
     if not isinstance(network, GatedCascades):
@@ -173,11 +175,13 @@ def mesh_treatment(
     kinds = network.component_kinds(mesh, treat_as)
     components = mesh.topology.face_components
     measured = kinds.measured[components]
-    enlarged = enlarged_steps(mesh)[components] > 0 if finds_steps and treat_as is None else np.zeros_like(measured)
+    copied = np.zeros_like(measured)
+    if treat_as is None:
+        copied = (enlarged_steps(mesh) if width is None else wide_on_components(mesh, width))[components] > 0
     faces: dict[Treatment | Literal["enlarged-volume"], Bools] = {
-        "measured-surface": measured & ~enlarged,
-        "vertex-noise": ~measured & ~enlarged,
-        "enlarged-volume": enlarged,
+        "measured-surface": measured & ~copied,
+        "vertex-noise": ~measured & ~copied,
+        "enlarged-volume" if width is None else "unknown": copied,
     }
     most = max(faces, key=lambda treatment: np.count_nonzero(faces[treatment]))
     mean = float(kinds.probabilities[components][faces[most]].mean())
@@ -185,5 +189,5 @@ def mesh_treatment(
         treatment=treat_as or most,
         probability={"measured-surface": mean, "vertex-noise": 1 - mean}.get(most, 1.0),
         share=float(np.mean(faces[most])),
-        given=treat_as is not None,
+        given=treat_as is not None or most == "unknown",
     )

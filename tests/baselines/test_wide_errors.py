@@ -171,6 +171,17 @@ def test_a_coarser_component_does_not_keep_errors_on_a_finer_one(method):
     np.testing.assert_allclose(other.vertices, cn.denoise(coarse, method=method).vertices, atol=1e-6)
 
 
+@pytest.mark.parametrize(("small", "treatment"), [(2, "vertex-noise"), (5, "unknown")])
+def test_most_faces_decide_whether_a_mesh_is_said_to_be_unknown_because_of_copies(tmp_path, small, treatment):
+    fine, coarse = noisy(icosphere(small), 0.2), noisy(icosphere(4), 0.2)
+    vertices = np.concatenate([fine.vertices, coarse.vertices * 50 + 200])
+    save_mesh(tmp_path / "two.ply", Mesh(vertices, np.concatenate([fine.faces, coarse.faces + len(fine.vertices)])))
+    width = 4 * fine.mean_edge_length
+    done = cn.denoise_file(tmp_path / "two.ply", tmp_path / "out.ply", remove_detail=width)
+    assert (done.treated_as.treatment, done.treated_as.given) == (treatment, treatment == "unknown")
+    assert done.treated_as.share == pytest.approx(max(len(fine.faces), len(coarse.faces)) / (20 * 4**small + 20 * 4**4))
+
+
 @pytest.mark.parametrize("width", [0, "1 edge"])
 def test_a_width_that_needs_no_copy_leaves_the_method_alone(width):
     asked = cn.denoise(BUMPY, method="taubin", remove_detail=width).vertices

@@ -182,8 +182,7 @@ def _denoise_group(method: Method, regions: Sequence[Region], first: Ints, param
             region.mesh,
             np.where(still[rows][:, None], region.mesh.vertices, moved[rows]).astype(region.dtype),
             None if removed is None else removed[rows],
-            other_triangles=applied.other_triangles,
-            finds_steps=applied.finds_steps,
+            applied,
         )
         for region, rows in zip(regions, np.split(vertices, ends), strict=True)
     ]
