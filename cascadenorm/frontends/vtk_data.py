@@ -63,7 +63,7 @@ def _with_arrays(settings: Mapping[str, Any], mesh: Any) -> dict[str, Any]:
         found["fixed"] = _array("fixed", fixed, points) != 0
     if isinstance(only := found.get("only"), str):
         array, equals, value = only.partition("=")
-        values = _array("only", array, cells)
+        values = _array("only", array, cells)[mesh.GetNumberOfVerts() + mesh.GetNumberOfLines() :]  # of the triangles
         found["only"] = values == _number("only", value) if equals else values != 0
         if not found["only"].any():
             raise ParameterError(f"matches no cell with {only!r}", parameter="only")

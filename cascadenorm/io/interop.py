@@ -142,8 +142,7 @@ def _trimesh_moved(mesh: Any, vertices: NDArray[Any]) -> Any:
 
 def _vtk_arrays(mesh: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     polygons = mesh.GetPolys()
-    others = mesh.GetNumberOfCells() > polygons.GetNumberOfCells() or polygons.IsHomogeneous() not in (0, 3)
-    if others and (mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips()):  # without them, it has no faces
+    if mesh.GetNumberOfStrips() or polygons.IsHomogeneous() not in (0, 3):  # 0 without polygons
         name, hint = "vtkPolyData", "apply vtkTriangleFilter to it, in ParaView Triangulate"
         if hasattr(mesh, "triangulate"):
             name, hint = "PolyData", "call its triangulate() first"

@@ -66,6 +66,19 @@ def test_it_denoises_a_copy_and_keeps_the_data(ball):
     assert not ball.cell_data["Normals"].any()
 
 
+def test_lines_and_vertex_cells_beside_the_triangles_are_kept(ball):
+    mesh = polydata(BALL)
+    mesh.lines, mesh.verts = [2, 0, 1], [1, 5, 1, 6]
+    mesh.cell_data["label"] = [0, 0, 0, *ball.cell_data["label"]]
+    mesh.cell_data["Normals"] = np.concatenate([np.ones((3, 3), np.float32), ball.cell_data["Normals"]])
+    out, plain = (one.cascadenorm.denoise(only="label=2", **METHOD) for one in (mesh, ball))
+    assert out.points.tobytes() == plain.points.tobytes() != mesh.points.tobytes()
+    assert out.lines.tolist() == [2, 0, 1] and out.verts.tolist() == [1, 5, 1, 6]
+    normals = out.cell_data["Normals"]
+    assert (normals[:3] == 1).all() and normals[3:].tobytes() == plain.cell_data["Normals"].tobytes()
+    assert mesh.cascadenorm.inspect().faces == 320
+
+
 def test_arrays_are_controls_by_their_names(ball):
     by_name = ball.cascadenorm.denoise(mask="weight", only="label=2", **METHOD)
     given = cn.denoise(ball, mask=RIGHT, only=UPPER, **METHOD)
