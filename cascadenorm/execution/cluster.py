@@ -82,7 +82,7 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
             address = scheduler
         try:
             client = distributed.Client(address, set_as_default=False)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError) as error:  # TypeError for tls:// without a TLS configuration
             raise ParameterError(
                 f"is {scheduler!r}, where no Dask scheduler answers: {error}",
                 parameter="scheduler",

@@ -132,8 +132,10 @@ def test_an_address_without_a_scheduler_and_a_missing_extra_are_one_line(tmp_pat
     pairs(tmp_path / "pairs", 1)
     with dask.config.set({"distributed.comm.timeouts.connect": 1}):
         assert run([*words, "--scheduler", "127.0.0.1:9"]) == 2
-    said = capsys.readouterr().err
-    assert "scheduler is '127.0.0.1:9', where no Dask scheduler answers: " in said and len(said.splitlines()) == 1
+        assert run([*words, "--scheduler", "tls://127.0.0.1:9"]) == 2  # without a certificate in Dask's configuration
+    said = capsys.readouterr().err.splitlines()
+    assert "scheduler is '127.0.0.1:9', where no Dask scheduler answers: " in said[0] and len(said) == 2
+    assert "scheduler is 'tls://127.0.0.1:9', where no Dask scheduler answers: " in said[1]
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert run([*words, "--scheduler", "local"]) == 1
     said = capsys.readouterr().err
