@@ -114,7 +114,7 @@ def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> Boo
     within = (pairs >= 0) & (pairs < count)
     ends = np.where(within, pairs, -1).astype(np.int64)
     if places is not None:
-        ends = np.where(within, places[ends], -1)
+        ends = np.where(within, places[ends], -1).astype(np.int64)
     low, high = np.sort(ends, axis=1).T
     keys = edges[:, 0] * count + edges[:, 1]
     place = np.minimum(np.searchsorted(keys, low * count + high), len(keys) - 1)

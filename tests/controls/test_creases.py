@@ -47,6 +47,16 @@ def test_pairs_of_vertices_are_edges_in_either_order():
     assert not crease_edges(BOX, np.zeros((0, 2), int)).any()
 
 
+def test_listed_edges_are_found_on_large_meshes():
+    roof = grid(220, 220)  # the square of its number of vertices exceeds 32 bits
+    heights = np.abs(roof.vertices[:, 0] - 110)
+    mesh = roof.moved(roof.vertices + np.stack([0 * heights, 0 * heights, heights], axis=1))
+    ridge = np.flatnonzero(heights == 0)
+    pairs = np.stack([ridge[:-1], ridge[1:]], axis=1)
+    by_list, by_angle = (cn.denoise(mesh, method="laplacian", creases=one, iterations=1) for one in (pairs, 80))
+    assert by_list.vertices.tobytes() == by_angle.vertices.tobytes()
+
+
 def test_cutting_a_box_along_its_edges_leaves_six_sheets():
     sides = cut_along(BOX, SHARP)
     assert len(np.unique(sides.mesh.topology.components)) == 6
