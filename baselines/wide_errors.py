@@ -11,8 +11,8 @@ import numpy as np
 from cascadenorm.baselines.bilateral_normal import bilateral_normal
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.coarse_copy import CoarseCopy, coarse_copy
-from cascadenorm.mesh import Floats, Mesh, Vectors, pair_products, row_distances
-from cascadenorm.mesh.averages import averaged
+from cascadenorm.geometry.foldovers import unfolded
+from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, pair_products, row_distances
 
 SHARES = 0.6, 0.525, 0.675
 """Edge lengths of the copies, relative to the width of the error. The clusters of each copy are located differently,
@@ -39,7 +39,7 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
     moved = mesh.moved(carried)
     if not moved.mean_edge_length**2 > 0:  # the method moved all vertices to one place
         return carried
-    return unfolded(mesh, bilateral_normal(moved, iterations=FINISHING_PASSES))
+    return without_folds(mesh, bilateral_normal(moved, iterations=FINISHING_PASSES))
 
 
 def wide_on_components(mesh: Mesh, width: float) -> Floats:
@@ -51,24 +51,22 @@ def wide_on_components(mesh: Mesh, width: float) -> Floats:
     return np.where((counts > 0) & (max(SHARES) * width > sums / np.maximum(counts, 1)), width, 0.0)
 
 
-def unfolded(mesh: Mesh, vertices: Vectors) -> Vectors:
-    """Move new vertices, (n, 3), of the input mesh at folded edges to the mean of themselves and their neighbours.
+def without_folds(mesh: Mesh, vertices: Vectors) -> Vectors:
+    """Unfold edges of the input mesh with new vertices, (n, 3); returns (n, 3).
 
     Where steps are closer to each other than the edges of a copy, all of their vertices are carried over from the same
-    place. There are at most UNFOLDING_ROUNDS rounds. Vertices on the boundary do not move. Edges that are sharper than
-    those of steps in the input stay: they belong to thin sheets, or join faces of opposite orientation.
+    place. Edges that are sharper than those of steps in the input stay: they belong to thin sheets, or join faces of
+    opposite orientation.
     """
-    topology, pairs = mesh.topology, mesh.topology.face_pairs
+    pairs = mesh.topology.face_pairs
     pairs = pairs[pair_products(mesh.face_normals, pairs) >= BLADE_COSINE]
-    for _ in range(UNFOLDING_ROUNDS):
-        folded = np.zeros(len(vertices), bool)
-        cosines = pair_products(mesh.moved(vertices).face_normals, pairs)
-        folded[mesh.faces[pairs[cosines < UNFOLDED_COSINE]]] = True
-        folded &= ~topology.boundary_vertices
-        if not folded.any():
-            break
-        vertices = np.where(folded[:, None], averaged(vertices, topology.vertex_neighbors, 1), vertices)
-    return vertices
+
+    def folded(moved: Mesh) -> Bools:
+        faces = np.zeros(len(mesh.faces), bool)
+        faces[pairs[pair_products(moved.face_normals, pairs) < UNFOLDED_COSINE]] = True
+        return faces
+
+    return unfolded(mesh, vertices, folded, rounds=UNFOLDING_ROUNDS)
 
 
 def without_errors_of(

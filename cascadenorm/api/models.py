@@ -269,14 +269,14 @@ def train_gate(
     output = Path(output)
     check_output(output, force=force)
     cascades = [Cascade.load(path) for path in (vertex, surface)]
-    strongest = None if strong is None else Cascade.load(strong)
-    if strongest is not None and not strongest.begins_like(cascades[0]):
+    strong_cascade = None if strong is None else Cascade.load(strong)
+    if strong_cascade is not None and not strong_cascade.begins_like(cascades[0]):
         raise ParameterError(f"{strong} does not begin with the first stage of {vertex}: train it with --first-stage")
     with _libraries_of_training():
         from cascadenorm.learned.training import gate_training
     config = gate_training.GateConfig() if seed is None else gate_training.GateConfig(seed=seed)
     with limit_threads(threads):
-        model = gate_training.trained_gate(cascades[0], cascades[1], config, strong=strongest, progress=progress)
+        model = gate_training.trained_gate(cascades[0], cascades[1], config, strong=strong_cascade, progress=progress)
     write_atomically(output, [model.to_bytes()], force=force)
     return Denoiser(model)
 

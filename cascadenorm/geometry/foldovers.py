@@ -1,6 +1,8 @@
 """Displacements that flip no face, except to undo foldovers."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -28,7 +30,8 @@ def without_flips(
     faces would exceed 105°, and does not in the input, the displacements of their four vertices are reduced in the same
     way. The limit lies between right-angled edges and thin blades. The `smooth` faces, (m,), by default none, are those
     without noise that is independent at each vertex; such noise would hide blades in the input. Before displacements
-    are reduced, vertices of smooth faces that flip or fold move to the mean of their neighbours (see `_unfolded`).
+    are reduced, vertices of smooth faces that flip or fold move to the mean of their neighbours: such faces are often
+    slivers of marching cubes or tetrahedra, and unlike shorter displacements, the mean stays on the denoised surface.
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     pairs = None
@@ -36,7 +39,8 @@ def without_flips(
         pairs = mesh.topology.face_pairs
         pairs = pairs[smooth[pairs].all(axis=1)]
         pairs = pairs[~_folded(mesh, pairs)]
-        vertices = _unfolded(mesh, vertices, held & smooth, pairs)
+        flawed = partial(_flipped_or_folded, mesh, held & smooth, pairs)
+        vertices = unfolded(mesh, vertices, flawed, rounds=UNFOLDING_ROUNDS)
     halvings = np.zeros(len(vertices), np.uint8)
     slivers = mesh.heights < SLIVER * mesh.mean_edge_length
     while True:
@@ -58,35 +62,32 @@ def halved_where_flipped(
     The `held` faces, (m,), may not flip, and the normals of the pairs of adjacent faces, (p, 2), may differ by at most
     105°. The halvings, (n,), are those of the displacement of each vertex.
     """
-    flipped = _flipped_or_folded(mesh, partly_displaced(mesh, vertices, halvings), held, pairs)
+    flipped = _flipped_or_folded(mesh, held, pairs, mesh.moved(partly_displaced(mesh, vertices, halvings)))
     back = np.unique(mesh.faces[flipped])
     halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
     return flipped
 
 
-def _unfolded(mesh: Mesh, vertices: Vectors, held: Bools, pairs: Ints32) -> Vectors:
-    """Return the vertices, (n, 3), after those of faces that flip or fold have moved to the mean of their neighbours.
+def unfolded(mesh: Mesh, vertices: Vectors, flawed: Callable[[Mesh], Bools], *, rounds: int) -> Vectors:
+    """Return vertices, (n, 3), after those of flawed faces have moved to the mean of themselves and their neighbours.
 
-    Displacements along the normals often flip the slivers of marching cubes and tetrahedra. Unlike a shorter
-    displacement, the mean keeps their vertices on the denoised surface. Vertices on the boundary and those that were
-    not displaced stay.
+    `flawed` returns the flipped or folded faces, (m,), of a mesh with other vertices. There are at most the given
+    number of rounds. Vertices on the boundary and those at their place in the input mesh stay.
     """
     free = (vertices != mesh.vertices).any(axis=1) & ~mesh.topology.boundary_vertices
-    for _ in range(UNFOLDING_ROUNDS):
-        flipped = _flipped_or_folded(mesh, vertices, held, pairs)
-        if not flipped.any():
-            break
-        around = np.unique(mesh.faces[flipped])
+    for _ in range(rounds):
+        around = np.unique(mesh.faces[flawed(mesh.moved(vertices))])
         around = around[free[around]]
+        if len(around) == 0:
+            break
         means = averaged(vertices, mesh.topology.vertex_neighbors, 1)
         vertices = vertices.copy()
         vertices[around] = means[around]
     return vertices
 
 
-def _flipped_or_folded(mesh: Mesh, vertices: Vectors, held: Bools, pairs: Ints32 | None) -> Bools:
+def _flipped_or_folded(mesh: Mesh, held: Bools, pairs: Ints32 | None, moved: Mesh) -> Bools:
     """Return the `held` faces that flip, and the faces of pairs, (p, 2), whose normals differ by more than 105°."""
-    moved = mesh.moved(vertices)
     flipped = held & _flipped(mesh, moved)
     if pairs is not None:
         flipped[pairs[_folded(moved, pairs)]] = True

@@ -7,7 +7,7 @@ from shapes import grid, icosphere, mean_angle, noisy
 from skimage.measure import marching_cubes
 
 import cascadenorm as cn
-from cascadenorm.baselines.wide_errors import unfolded, without_wide_errors
+from cascadenorm.baselines.wide_errors import without_folds, without_wide_errors
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned.methods import mesh_treatment
 from cascadenorm.mesh import Mesh, pair_products, unit
@@ -95,7 +95,7 @@ def test_an_unfolded_mesh_keeps_its_other_vertices():
     crossed = mesh.vertices.copy()
     crossed[500] += 2 * (crossed[neighbor] - crossed[500])
     assert folds(mesh.moved(crossed), 95) > 0
-    out = mesh.moved(unfolded(mesh, crossed))
+    out = mesh.moved(without_folds(mesh, crossed))
     assert folds(out, 95) == 0
     moved = np.linalg.norm(mesh.vertices - mesh.vertices[500], axis=1)[(out.vertices != crossed).any(axis=1)]
     assert moved.max() < 4 * mesh.mean_edge_length
@@ -104,7 +104,7 @@ def test_an_unfolded_mesh_keeps_its_other_vertices():
 def test_edges_of_thin_sheets_stay():
     lens = icosphere(3).moved(icosphere(3).vertices * (1, 1, 0.01))
     assert folds(lens, 95) > 0
-    assert unfolded(lens, lens.vertices).tobytes() == lens.vertices.tobytes()
+    assert without_folds(lens, lens.vertices).tobytes() == lens.vertices.tobytes()
 
 
 def test_steps_of_an_enlarged_mask_need_no_option():
