@@ -35,7 +35,7 @@ def without_flips(
     """
     held = ~(foldovers(mesh) if may_flip is None else may_flip) & (mesh.areas > 0)
     pairs = None
-    if smooth is not None:
+    if smooth is not None and smooth.any():
         pairs = mesh.topology.face_pairs
         pairs = pairs[smooth[pairs].all(axis=1)]
         pairs = pairs[~_folded(mesh, pairs)]
