@@ -67,9 +67,8 @@ class GatedCascades:
         """Return the content of a weights file. Equal models have equal bytes."""
         parts = {name: network.tensors() for name, network in self.networks.items()} | {"gate": self.gate.arrays()}
         tensors: Arrays = {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
-        shared = [name for name in tensors if name.startswith("strong.stage0.")]  # the same as in the vertex network
-        for name in shared:
-            del tensors[name]
+        for name in self.vertex.stages[0].arrays():
+            tensors.pop(f"strong.stage0.{name}", None)  # the same as in the vertex network
         headers = {name: network.header() for name, network in self.networks.items()}
         return packed({"format": GATED_FORMATS[0], **headers, "gate": self.gate_card}, tensors)
 
