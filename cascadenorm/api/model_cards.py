@@ -101,7 +101,7 @@ def _network(name: str, card: Mapping[str, Any]) -> str:
         of=f" of the {name} network" if name else "",
         data=_sentence(card["data"]),
         faces=f"{card['faces_trained_on']:,}",
-        losses=_losses(card["validation_chord_by_stage_and_cluster"]),
+        losses=_losses(card["validation_chord_by_stage_and_cluster"], first=first_trained_stage(card)),
         limits=_sentence(card["limits"]),
         versions=", ".join(f"{library} {version}" for library, version in card["made_with"].items()),
     )
@@ -111,11 +111,18 @@ def _sentence(text: Any) -> str:
     return str(text)[:1].upper() + str(text)[1:]
 
 
-def _losses(stages: list[list[float]]) -> str:
+def first_trained_stage(card: Mapping[str, Any]) -> int:
+    """Return the number of the first stage whose losses are on a card; a first stage that was given has none."""
+    return 2 if "first_stage" in card else 1
+
+
+def _losses(stages: list[list[float]], *, first: int) -> str:
     clusters = range(1, len(stages[0]) + 1)
     head = [
         f"| stage | {' | '.join(f'cluster {number}' for number in clusters)} |",
         f"| --- |{' ---: |' * len(clusters)}",
     ]
-    rows = [f"| {number} | {' | '.join(f'{loss:.4f}' for loss in losses)} |" for number, losses in enumerate(stages, 1)]
+    rows = [
+        f"| {number} | {' | '.join(f'{loss:.4f}' for loss in losses)} |" for number, losses in enumerate(stages, first)
+    ]
     return "\n".join([*head, *rows])

@@ -6,6 +6,7 @@ from typing import Any
 
 from markdown_table import table
 
+from cascadenorm.api.model_cards import first_trained_stage
 from cascadenorm.api.models import load_model
 
 MODELS = ("auto", "cascade")
@@ -48,7 +49,7 @@ def _card(title: str, card: dict[str, Any]) -> str:
     config = card["config"]
     losses = [
         (f"{stage}", *(f"{loss:.4f}" for loss in stages))
-        for stage, stages in enumerate(card["validation_chord_by_stage_and_cluster"], 1)
+        for stage, stages in enumerate(card["validation_chord_by_stage_and_cluster"], first_trained_stage(card))
     ]
     titles = ("stage", *(f"cluster {number}" for number in range(1, len(losses[0]))))
     about = [
