@@ -21,7 +21,7 @@ GATED_FORMATS = ("cascadenorm-gated/4", "cascadenorm-gated/3", "cascadenorm-gate
 have a format in CASCADE_FORMATS."""
 STRONG_NOISE = np.radians(6.0)
 """Mean angle over a component by which the first stage of the vertex network turns the faces if the noise is strong.
-Noise of 0.08 mean edge lengths reaches it. Any value from 4 to 9 degrees gives the same error on the benchmark."""
+Noise of 0.08 mean edge lengths reaches it."""
 
 
 @dataclass(frozen=True)
