@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
+from cascadenorm.execution.signals import interrupted_once
 from cascadenorm.execution.worker_processes import end_with_parent, interrupts_blocked
 
 Item = TypeVar("Item")
@@ -39,7 +40,10 @@ def parallel_map(count: int) -> Iterator[Map]:
     if count == 1:
         yield map
         return
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
+    with (
+        interrupted_once(),  # a second Ctrl-C while the pool stops could leave its processes waiting for work
+        ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool,
+    ):
         try:
             yield partial(_submit, pool)
         except BrokenProcessPool:
@@ -49,8 +53,7 @@ def parallel_map(count: int) -> Iterator[Map]:
                 "`if __name__ == '__main__':`",
             ) from None
         finally:
-            with interrupts_blocked():  # a second Ctrl-C during this wait would leave the processes waiting for work
-                pool.shutdown(cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
 
 @contextmanager

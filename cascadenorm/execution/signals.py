@@ -1,9 +1,12 @@
-"""Repeat signals whose exceptions are lost in callbacks of libraries, such as the compiler of kernels."""
+"""Repeat signals whose exceptions are lost in callbacks of libraries, and ignore repeated ones during a clean-up."""
 
 import signal
 import sys
 from _thread import interrupt_main
-from threading import Timer, main_thread
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Timer, current_thread, main_thread
+from types import FrameType
 
 RETRY_S = 0.05  # time until a signal is repeated
 
@@ -28,3 +31,29 @@ def repeat_if_swallowed(number: int, exception: type[BaseException]) -> None:
         timer.start()
 
     sys.unraisablehook = hook
+
+
+@contextmanager
+def interrupted_once() -> Iterator[None]:
+    """Ignore all but the first Ctrl-C within the context, so that what the first one ends can clean up.
+
+    Blocking the signal in the main thread would not suffice: threads of libraries, such as OpenBLAS, receive it as well.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if current_thread() is not main_thread() or not callable(before):
+        yield
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        signal.signal(number, _ignore)
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Handle a signal by nothing; processes that start meanwhile would inherit SIG_IGN."""
