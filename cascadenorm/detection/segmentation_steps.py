@@ -3,7 +3,20 @@
 import numpy as np
 
 from cascadenorm.detection.voxel_lattice import lattice_share
-from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, any_in_rows, kernel, row_distances, scatter_add
+from cascadenorm.mesh import (
+    Bools,
+    Floats,
+    Ints,
+    Ints32,
+    Mesh,
+    Vectors,
+    angles_between,
+    any_in_rows,
+    kernel,
+    part_of,
+    row_distances,
+    scatter_add,
+)
 from cascadenorm.mesh.averages import averaged, averaged_around
 from cascadenorm.mesh.vectors import dot, row
 
@@ -28,27 +41,42 @@ def is_segmentation(mesh: Mesh) -> bool:
 
 
 def has_voxel_faces(mesh: Mesh) -> bool:
-    """Return whether a mesh consists of the voxel faces of a segmentation (cuberille; Herman, Liu 1979)."""
-    first = _normal_of_largest(mesh, np.zeros(3))
-    second = None if first is None else _normal_of_largest(mesh, first)
-    if first is None or second is None:
-        return False
-    axes = np.stack([first, second, np.cross(first, second)])
-    return bool(_share_along(mesh.areas, mesh.face_normals, axes) >= ALONG_AXES) and is_segmentation(mesh)
+    """Return whether most faces of a mesh are voxel faces (see `voxel_components`)."""
+    return bool(voxel_components(mesh)[mesh.topology.face_components].mean() > 0.5)
+
+
+def voxel_components(mesh: Mesh) -> Bools:
+    """Return the components, (c,), that consist of the voxel faces of a segmentation (cuberille; Herman, Liu 1979).
+
+    Those whose faces lie along three axes are examined together, since small ones alone have too few edges.
+    """
+    components = mesh.topology.face_components
+    first = _largest_normals(mesh, np.zeros((int(mesh.topology.components.max()) + 1, 3)))
+    second = _largest_normals(mesh, first)
+    axes = np.stack([first, second, np.cross(first, second)], axis=1)
+    along = (_shares_along(components, mesh.areas, mesh.face_normals, axes) >= ALONG_AXES) & second.any(axis=1)
+    faces = along[components]
+    if not faces.any() or not is_segmentation(mesh if faces.all() else part_of(mesh, faces)[0]):
+        return np.zeros_like(along)
+    return along
 
 
 def without_voxel_faces(mesh: Mesh) -> Mesh:
-    """Move vertices of a mesh of voxel faces to the mean of the centroids around them; return others unchanged."""
-    if not has_voxel_faces(mesh):
+    """Move the vertices of components of voxel faces to the mean of the centroids around them."""
+    voxels = voxel_components(mesh)
+    if not voxels.any():
         return mesh
     means = averaged_around(mesh.centroids, mesh.topology.vertex_faces)
-    return mesh.moved(np.where(mesh.topology.used_vertices[:, None], means, mesh.vertices))
+    return mesh.moved(np.where(voxels[mesh.topology.components][:, None], means, mesh.vertices))
 
 
-def _normal_of_largest(mesh: Mesh, across: Vectors) -> Vectors | None:
-    """Return the normal of the largest face whose normal is perpendicular to a vector, or None."""
-    one = _largest(mesh.areas, mesh.face_normals, across)
-    return mesh.face_normals[one] if one >= 0 else None
+def _largest_normals(mesh: Mesh, across: Vectors) -> Vectors:
+    """Return the normal of the largest face of each component whose normal is perpendicular to its vector, (c, 3).
+
+    A component without such a face has a zero row.
+    """
+    found = _largest(mesh.topology.face_components, mesh.areas, mesh.face_normals, across)
+    return np.where((found >= 0)[:, None], mesh.face_normals[found], 0.0)
 
 
 def _step_share(mesh: Mesh) -> float:
@@ -82,23 +110,25 @@ def _share_in_planes(mesh: Mesh) -> float:
 
 
 @kernel
-def _largest(areas: Floats, normals: Vectors, across: Vectors) -> int:
-    """Return the index of the largest face whose normal is perpendicular to a vector, or -1."""
-    found, most = -1, 0.0
+def _largest(components: Ints32, areas: Floats, normals: Vectors, across: Vectors) -> Ints:
+    """Return the largest face of each component whose normal is perpendicular to a vector, (c, 3); -1 without one."""
+    found, most = np.full(len(across), -1), np.zeros(len(across))
     for f in range(len(areas)):
-        if areas[f] > most and abs(dot(row(normals, f), across)) < 1e-3:
-            found, most = f, areas[f]
+        c = components[f]
+        if areas[f] > most[c] and abs(dot(row(normals, f), across[c])) < 1e-3:
+            found[c], most[c] = f, areas[f]
     return found
 
 
 @kernel
-def _share_along(areas: Floats, normals: Vectors, axes: Vectors) -> float:
-    """Return the share of the area, which is above 0, that belongs to faces with a normal along an axis."""
-    total = along = 0.0
+def _shares_along(components: Ints32, areas: Floats, normals: Vectors, axes: Floats) -> Floats:
+    """Return the share of the area of each component that belongs to faces with a normal along an axis, (c, 3, 3)."""
+    total, along = np.zeros(len(axes)), np.zeros(len(axes))
     for f in range(len(areas)):
-        total += areas[f]
+        c = components[f]
+        total[c] += areas[f]
         for axis in range(3):
-            if abs(dot(row(normals, f), axes[axis])) > 1 - 1e-4:
-                along += areas[f]
+            if abs(dot(row(normals, f), axes[c, axis])) > 1 - 1e-4:
+                along[c] += areas[f]
                 break
-    return along / total
+    return along / np.maximum(total, 1e-300)

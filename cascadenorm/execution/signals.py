@@ -37,7 +37,7 @@ def repeat_if_swallowed(number: int, exception: type[BaseException]) -> None:
 def interrupted_once() -> Iterator[None]:
     """Ignore all but the first Ctrl-C within the context, so that what the first one ends can clean up.
 
-    Blocking the signal in the main thread would not suffice: threads of libraries, such as OpenBLAS, receive it as well.
+    Blocking the signal in the main thread would not suffice: threads of libraries, such as OpenBLAS, receive it, too.
     """
     before = signal.getsignal(signal.SIGINT)
     if current_thread() is not main_thread() or not callable(before):

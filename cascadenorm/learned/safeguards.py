@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from cascadenorm.detection.chords import CHORD_RINGS, NOISE_PASSES, chord_noise, chord_residuals
-from cascadenorm.detection.segmentation_steps import has_voxel_faces
+from cascadenorm.detection.segmentation_steps import voxel_components
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.patches.cutting import MeshPatch
 from cascadenorm.geometry.patches.work import active_patching, moved_in_patches
@@ -71,10 +71,10 @@ def displacement_bounds(mesh: Mesh, unestimated: Bools | None = None) -> Floats:
 def components_without_estimate(mesh: Mesh) -> Bools:
     """Return the connected components, (c,), whose noise cannot be estimated.
 
-    They have fewer than FEWEST_COMPONENT_EDGES edges between two faces, or the mesh consists of the faces of voxels:
-    along voxel edges, the normals of both ends agree.
+    They have fewer than FEWEST_COMPONENT_EDGES edges between two faces, or consist of the faces of voxels: along voxel
+    edges, the normals of both ends agree.
     """
     topology = mesh.topology
     components = topology.face_components
-    edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=int(components.max()) + 1)
-    return (edges < FEWEST_COMPONENT_EDGES) | has_voxel_faces(mesh)
+    edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=int(topology.components.max()) + 1)
+    return (edges < FEWEST_COMPONENT_EDGES) | voxel_components(mesh)

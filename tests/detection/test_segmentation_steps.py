@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from shapes import ball_of_voxels, cubes, cylinder, grid, icosphere, noisy
+from shapes import ball_of_voxels, cubes, cylinder, grid, icosphere, noisy, side_by_side
 
 import cascadenorm as cn
 from cascadenorm.data_gen.meshing.cad_tessellation import PartBuilder
@@ -47,6 +47,16 @@ def test_faces_of_voxels_are_told_and_denoised(stretch):
     true = mesh.centroids / np.linalg.norm(mesh.centroids, axis=1)[:, None]
     before, after = (np.degrees(angles_between(m.face_normals, true).mean()) for m in (mesh, mesh.moved(denoised)))
     assert before > 30 and after < 0.3 * before
+
+
+def test_voxel_faces_beside_another_surface_are_denoised_as_on_their_own():
+    voxels, ball = cubes(ball_of_voxels(11.0)), noisy(icosphere(4), 0.2)
+    ball = ball.moved(20 * ball.vertices)
+    both = side_by_side(voxels, ball)
+    denoised = np.split(cn.denoise(both.vertices, both.faces), [len(voxels.vertices)])
+    denoised[1] -= 100.0
+    for mesh, vertices in zip((voxels, ball), denoised, strict=True):
+        assert vertices == pytest.approx(cn.denoise(mesh.vertices, mesh.faces), abs=1e-5)
 
 
 def test_a_bracket_on_a_grid_does_not_have_voxel_faces_though_it_lies_on_a_lattice():
