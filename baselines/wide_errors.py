@@ -26,11 +26,9 @@ UNFOLDING_ROUNDS = 20
 def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy], Vectors]) -> Vectors:
     """Remove errors up to a width, in mesh units: denoise coarse copies, transfer the result, and smooth the facets.
 
-    If the copies would not have longer edges than the mesh, the mesh itself is denoised. `denoise` returns new vertices
-    of a copy. Returns the mean over the copies, (n, 3). Vertices without a face do not move.
+    The width is that of errors that are wide on all components (see `wide_on_components`). `denoise` returns new
+    vertices of a copy. Returns the mean over the copies, (n, 3). Vertices without a face do not move.
     """
-    if not wide_on_components(mesh, width).any():
-        return denoise(CoarseCopy(mesh, np.arange(len(mesh.vertices), dtype=np.int32)))
     sums = np.zeros_like(mesh.vertices)
     for number in track(len(SHARES)):
         copy = coarse_copy(mesh, SHARES[number] * width)
