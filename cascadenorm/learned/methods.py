@@ -66,6 +66,8 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
     if isinstance(network, GatedCascades):
         measured = network.component_kinds(mesh, treat_as).measured
         network = network.chosen(measured, impulsive(noisy, mesh))
+    if noisy is not mesh:
+        noisy.forget_geometry()  # the networks need memory
     return denoised(mesh, network, filtered=treat_as != "unknown")
 
 
