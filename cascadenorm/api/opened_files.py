@@ -178,6 +178,7 @@ def opened_file(
     file = io.read(source)
     if controls["on_bad"] == "isolate":
         file = file.isolating()
+    unwelded = file
     if apart > 0:
         file = _welded(file, apart, in_edges, source_name(source))
     chosen = io.output_format(output, format or file.format)
@@ -187,7 +188,7 @@ def opened_file(
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source), may_isolate=True)
-    resolved = resolve_controls(controls, whole)
+    resolved = resolve_controls(controls, unwelded, whole if apart > 0 else None)
     if dropped is not None:
         resolved = controls_of_kept(resolved, dropped, whole)
     return Opened(source, output, chosen, file, mesh, resolved, dropped, weld, drop_components)

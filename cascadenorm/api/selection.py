@@ -23,14 +23,15 @@ INDEX_RANGE = re.compile(r"\s*([0-9]{1,18})\s*(?:-\s*([0-9]{1,18})\s*)?")  # mat
 MAX_LISTED_NAMES = 20  # listed in a message
 
 
-def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
+def resolve_controls(controls: Controls, file: MeshFile, welded: MeshFile | None = None) -> Controls:
     """Return the controls with names replaced by arrays over the mesh of a file.
 
     Names and indices, in text or in other files, refer to the vertices of the mesh file, from 0; attributes are named
     like PLY properties. Arrays have one entry per vertex of the file or of its mesh; `only` has one per triangle of the
     file, including those that its mesh leaves out. If the file splits a vertex, the smallest weight of its copies
-    applies, and the vertex is fixed if one of its copies is. Raises ParameterError if a name is not in the file, a file
-    cannot be read, or an index is out of range.
+    applies, and the vertex is fixed if one of its copies is. If `welded` is given, the same file after welding, the
+    returned arrays are over its mesh. Raises ParameterError if a name is not in the file, a file cannot be read, or an
+    index is out of range.
     """
     given = (controls["mask"], controls["fixed"], controls["creases"])
     mask, fixed, creases = (fspath(one) if isinstance(one, PathLike) else one for one in given)
@@ -42,8 +43,8 @@ def resolve_controls(controls: Controls, file: MeshFile) -> Controls:
     if isinstance(creases, str):
         found["creases"] = _creases(creases, file)
     if controls["only"] is not None:
-        found["only"] = _only(controls["only"], file)
-    return found
+        found["only"] = _only(controls["only"], file if welded is None else welded)
+    return found if welded is None else weld_controls(found, file.at_vertices(welded.welds))
 
 
 def weld_controls(controls: Controls, welds: NDArray[np.int32]) -> Controls:

@@ -177,7 +177,7 @@ class MeshFile(ABC):
     def mesh(self) -> Mesh:
         """The m triangles, with n <= k vertices, since seams are closed. Raises MeshError if it would not be valid."""
         if self._isolates:
-            return isolated(self._at_vertices(self.positions), self._welded_triangles)
+            return isolated(self.at_vertices(self.positions), self._welded_triangles)
         if not len(self.polygons) and not len(self.positions):
             raise MeshError("the file has no vertices and no faces: export the mesh again")
         if not len(self.polygons):
@@ -191,7 +191,7 @@ class MeshFile(ABC):
                 hint="give them a position, remove them and their faces",
                 remedy=("on_bad", "isolate"),
             )
-        return Mesh(self._at_vertices(self.positions), self._welded_triangles)
+        return Mesh(self.at_vertices(self.positions), self._welded_triangles)
 
     @property
     def _splits(self) -> bool:
@@ -199,7 +199,7 @@ class MeshFile(ABC):
         welds, first = self._weld
         return len(first) < len(welds)
 
-    def _at_vertices(self, values: NDArray[Any]) -> NDArray[Any]:
+    def at_vertices(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return values of the positions, (k, …), at the first position of each vertex of `mesh`, (n, …)."""
         return values.take(self._weld[1], axis=0) if self._splits else values
 
@@ -211,14 +211,14 @@ class MeshFile(ABC):
     @property
     def bad_vertices(self) -> NDArray[np.bool_]:
         """(n,) the vertices that are not finite; `isolating` puts them at the origin."""
-        return bad_vertices(self._at_vertices(self._read_positions))
+        return bad_vertices(self.at_vertices(self._read_positions))
 
     @cached_property
     def left_out(self) -> NDArray[np.bool_]:
         """(m,) the triangles that `mesh` does not contain. All False unless the file comes from `isolating`."""
         if not self._isolates:
             return np.zeros(len(self.triangles), bool)
-        return bad_faces(self._at_vertices(self._read_positions), self._welded_triangles)
+        return bad_faces(self.at_vertices(self._read_positions), self._welded_triangles)
 
     def _numbers(self, places: NDArray[np.int64]) -> str:
         """Return the first few indices as the format counts them: '17, 18, 40, …'."""
@@ -264,11 +264,11 @@ class MeshFile(ABC):
         moved = copy.copy(self)
         moved.positions = rounded
         np.copyto(rounded, self.positions, where=copies == self.positions)
-        present = self._at_vertices(moved.positions)
+        present = self.at_vertices(moved.positions)
         if self._isolates:  # keep positions that are not finite
             finite = all_in_rows(np.isfinite(self.positions))[:, None]
             moved.positions = np.where(finite, moved.positions, self.positions)
-            present = np.where(self._at_vertices(finite), present, mesh.vertices)
+            present = np.where(self.at_vertices(finite), present, mesh.vertices)
         moved.__dict__["mesh"] = mesh.moved(present)
         return moved
 

@@ -72,7 +72,7 @@ class StlFile(MeshFile):
             yield records.view(np.uint8).data
 
     def _read_content(self) -> Content:
-        positions = self._at_vertices(self.positions)
+        positions = self.at_vertices(self.positions)
         polygons = Polygons.from_rows(self.welds[self.triangles].astype(np.int64))
         if self._text is not None:
             return Content(positions, polygons, left_out=("names of solids",))

@@ -134,6 +134,23 @@ def test_copies_at_a_seam_have_the_smallest_weight_and_are_fixed_together(tmp_pa
     )
 
 
+def test_arrays_refer_to_the_mesh_before_its_vertices_are_welded(tmp_path, monkeypatch):
+    """A sheet in two halves, whose copies of the vertices between them differ by rounding."""
+    monkeypatch.chdir(tmp_path)
+    sheet = noisy(grid(4, 4), 0.1)
+    right = sheet.centroids[:, :1] > 2
+    halves = np.concatenate([sheet.vertices, sheet.vertices + 1e-5]), sheet.faces + right * len(sheet.vertices)
+    cn.write(halves, "halves.ply")
+    fixed = np.unique(halves[1])[-5:]
+    weights = (~np.isin(np.arange(len(halves[0])), fixed)).astype(float)
+    pairs = cn.Mesh(*halves).topology.edges[-9:]
+    for name, array in {"fixed": fixed, "mask": weights, "creases": pairs}.items():
+        np.save("array.npy", array)
+        in_file = denoised("halves.ply", weld=1e-4, **{name: "array.npy"})
+        assert len(in_file) == len(halves[0]) - 5
+        np.testing.assert_array_equal(denoised("halves.ply", weld=1e-4, **{name: array}), in_file)
+
+
 def test_only_moves_what_lies_within_the_faces(ball):
     parts = (BALL.centroids[:, 2] > 0).astype(np.int32)
     for chosen in (parts == 1, np.flatnonzero(parts == 1)):
