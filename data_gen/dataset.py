@@ -32,13 +32,11 @@ CLEAN_SHARES: dict[ErrorPart, float] = {
     "structured": 0.5,
     "subdivided": 0.7,
     "modelled": 0.7,
-    "isosurface": 0.4,
+    "isosurface": 0.65,
     "tessellation": 1.0,  # such triangles never come from a measurement
     "terrain": 1.0,  # noise on a grid counts as that of a scanner
 }
 """Share of the meshes without noise, as modelling programs export them, if the noise kinds include "none"."""
-MORE_RELIEF: dict[ErrorPart, float] = {"isosurface": 3.0}
-"""Factor on the share of meshes with relief, for parts where little else shows that smooth relief is not error."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
 RELIEF_LEVELS = 0.02, 0.3  # level of the white noise on the other meshes with relief
 ATTEMPTS = 400  # shapes drawn per index before giving up; few faces with a large error rarely give a valid shape
@@ -185,7 +183,7 @@ def pair(config: DatasetConfig, index: int) -> Pair:
         return Pair(*made, name, "none" if family.measured else kind, level)
     clean = clean_mesh(config, index)
     modelled = not family.seen and CLEAN_SHARES.get(family.part) != 1
-    if modelled and rng.random() < config.relief * MORE_RELIEF.get(family.part, 1.0):
+    if modelled and rng.random() < config.relief:
         clean = clean.moved(clean.vertices + relief(clean, rng=rng))
         if config.has_clean_meshes:
             clean_relief = rng.random() < CLEAN_RELIEF

@@ -43,7 +43,7 @@ ErrorPart = Literal[
 - "mask", "slices": a meshed binary mask of voxels or of slices.
 - "tomogram": a level of a tomogram.
 - "tetrahedra": a noisy distance field meshed by marching tetrahedra.
-- "isosurface": a level of an exact field.
+- "isosurface": a level of an exact field, mostly with smooth relief.
 - "points": the surface reconstructed from noisy points.
 - "tessellation": faces of a CAD model, each triangulated.
 - "structured": a surface over a grid of parameters.

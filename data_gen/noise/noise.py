@@ -6,15 +6,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from cascadenorm.data_gen.noise.sensor import blurred, laser_displacements, neighbor_means, sensor_displacements
-from cascadenorm.data_gen.shapes.patterns import noise
+from cascadenorm.data_gen.shapes.patterns import noise, smooth_relief
 from cascadenorm.data_gen.shapes.placement import log_uniform, random_rotation
 from cascadenorm.mesh import Mesh, Vectors
 
 WIDEST_NOISE = 40  # largest number of neighbour averages of correlated noise, which then extends over eight edges
 WHITE_SHARE = 0.15, 0.8  # deviation of the white noise added to correlated noise, as a share of the latter
 MOST_ROUNDING = 0.25  # largest deviation of rounding, in mean edge lengths; more would collapse triangles
-WAVELENGTHS = 3.5, 16.0  # wavelengths of patterns and sines, in mean edge lengths
-STEEPNESS = 0.01, 0.16  # ratio of the height of patterns and sines to their wavelength
 RELIEF_PASSES = 2.0, 40.0  # averages of white noise over neighbours
 RELIEF_HEIGHTS = 0.05, 1.0  # root mean square of averaged white noise, in mean edge lengths
 
@@ -129,12 +127,5 @@ def relief(mesh: Mesh, *, rng: np.random.Generator) -> Vectors:
         heights = blurred(white, neighbor_means(mesh), round(log_uniform(RELIEF_PASSES, rng=rng)))
         heights *= log_uniform(RELIEF_HEIGHTS, rng=rng) * mesh.mean_edge_length / np.sqrt(np.mean(heights**2))
     else:
-        wavelength = log_uniform(WAVELENGTHS, rng=rng) * mesh.mean_edge_length
-        height = wavelength * log_uniform(STEEPNESS, rng=rng)
-        if kind == "pattern":
-            heights = height * noise(wavelength=wavelength, rng=rng)(mesh.vertices)
-        else:
-            turned = mesh.vertices @ random_rotation(rng=rng) * (2 * np.pi / wavelength) + rng.uniform(0, 2 * np.pi, 3)
-            waves = np.sin(turned)
-            heights = height * (waves.prod(axis=1) if rng.random() < 0.5 else waves.sum(axis=1) / 2)
+        heights = smooth_relief(edge=mesh.mean_edge_length, waves=kind == "sines", rng=rng)(mesh.vertices)
     return np.asarray(heights[:, None] * mesh.vertex_normals)

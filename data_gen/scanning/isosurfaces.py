@@ -19,6 +19,7 @@ from cascadenorm.data_gen.scanning.volumes import (
     volume_surface,
 )
 from cascadenorm.data_gen.shapes.fields import DistanceField
+from cascadenorm.data_gen.shapes.patterns import smooth_relief
 from cascadenorm.mesh import Mesh
 
 FACES_PER_VOXEL_SIDE = 8.9  # faces of marching tetrahedra per area of a voxel's side
@@ -76,6 +77,9 @@ def _tetrahedra(numbers: NDArray[np.int64], order: tuple[int, ...]) -> NDArray[n
     return np.stack([numbers[tuple(map(slice, at, at + cells))].ravel() for at in steps], axis=1)
 
 
+RELIEF_SHARE = 0.85  # share of the meshes with a relief a few edges wide
+WAVES_SHARE = 0.5  # share of the reliefs that are waves instead of gradient noise
+EDGE = 0.88  # mean edge length in voxels, roughly
 RELAXED_SHARE = 0.6  # share of the meshes whose vertices are moved onto the surface
 MESHERS = {
     "cubes": (volume_surface, 3.0, 0.6),
@@ -89,13 +93,21 @@ it."""
 def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
     """Mesh the level of an exact field, whose only error is the interpolation between the nodes of a lattice.
 
-    The mesh has about `faces` faces. Raises UnfitShapeError if the field has no surface in the volume.
+    Most fields get a smooth relief. The mesh has about `faces` faces. Raises UnfitShapeError if the field has no
+    surface in the volume.
     """
     mesher, density, _ = MESHERS[str(rng.choice(list(MESHERS), p=[share for *_, share in MESHERS.values()]))]
     voxel = float(np.sqrt(density * extent.area / faces))
+    if rng.random() < RELIEF_SHARE:
+        field = with_relief(field, smooth_relief(edge=EDGE * voxel, waves=rng.random() < WAVES_SHARE, rng=rng))
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
     placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces))
     if rng.random() < RELAXED_SHARE:
         placed = placed.moved(onto_surface(field, placed.vertices, size=0.3 * voxel))
     return placed
+
+
+def with_relief(field: DistanceField, relief: DistanceField) -> DistanceField:
+    """Return a field whose surface is raised by the heights of a relief."""
+    return lambda points: field(points) - relief(points)

@@ -8,7 +8,11 @@ from typing import Literal
 import numpy as np
 
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values, computed
+from cascadenorm.data_gen.shapes.placement import log_uniform, random_rotation
 from cascadenorm.mesh import Floats, Vectors, kernel
+
+WAVELENGTHS = 3.5, 16.0  # wavelengths of relief, in mean edge lengths
+STEEPNESS = 0.01, 0.16  # ratio of the height of relief to its wavelength
 
 Form = Literal["smooth", "ridged", "billowed"]
 """How octaves are combined: unchanged, with sharp crests (folds of cloth, wrinkles), or with sharp valleys (clouds,
@@ -26,6 +30,23 @@ def noise(
     """Return gradient noise. Each octave has half the wavelength and `gain` times the size of the previous one."""
     field = computed(_octaves, seed_of(rng), octaves, gain, ("smooth", "ridged", "billowed").index(form))
     return lambda points: field(np.ascontiguousarray(points) / wavelength)
+
+
+def smooth_relief(*, edge: float, waves: bool, rng: np.random.Generator) -> DistanceField:
+    """Return the heights of a relief that meshes with the given mean edge length resolve: waves, or gradient noise."""
+    wavelength = log_uniform(WAVELENGTHS, rng=rng) * edge
+    height = wavelength * log_uniform(STEEPNESS, rng=rng)
+    if not waves:
+        pattern = noise(wavelength=wavelength, rng=rng)
+        return lambda points: height * pattern(points)
+    axes, phases = random_rotation(rng=rng) * (2 * np.pi / wavelength), rng.uniform(0, 2 * np.pi, 3)
+    product = rng.random() < 0.5
+
+    def heights(points: Vectors) -> Values:
+        sines = np.sin(points @ axes + phases)
+        return np.asarray(height * (sines.prod(axis=1) if product else sines.sum(axis=1) / 2))
+
+    return heights
 
 
 def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random.Generator) -> DistanceField:

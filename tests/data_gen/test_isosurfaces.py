@@ -6,7 +6,10 @@ import pytest
 from cascadenorm.data_gen import DatasetConfig, pair
 from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.scanning.isosurfaces import marching_tetrahedra
+from cascadenorm.data_gen.meshing.surface import extent_of
+from cascadenorm.data_gen.scanning import isosurfaces
+from cascadenorm.data_gen.scanning.isosurfaces import isosurface, marching_tetrahedra
+from cascadenorm.data_gen.shapes.fields import sphere
 from cascadenorm.mesh import angles_between
 
 
@@ -56,3 +59,16 @@ def test_the_truth_of_a_noisy_field_is_the_shape():
     assert known.mean() > 0.9
     left = np.degrees(angles_between(made.noisy.face_normals[known], made.normals[known]).mean())
     assert 5 < left < 50
+
+
+def test_relief_of_a_level_is_in_its_field(monkeypatch):
+    heights: dict[float, list[float]] = {0.0: [], 1.0: []}
+    for share in heights:
+        monkeypatch.setattr(isosurfaces, "RELIEF_SHARE", share)
+        for seed in range(8):
+            rng, ball = np.random.default_rng(seed), sphere(radius=1.0)
+            mesh = isosurface(ball, extent_of(ball, rng=rng), faces=4000, rng=rng)
+            assert (mesh.topology.edge_faces.counts == 2).all()
+            heights[share].append(np.std(np.linalg.norm(mesh.vertices, axis=1)) / mesh.mean_edge_length)
+    assert max(heights[0.0]) < 0.03  # the mesher interpolates
+    assert np.median(heights[1.0]) > 0.05 and max(heights[1.0]) < 3
