@@ -214,7 +214,8 @@ def denoise_file_with_meshes(
     every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)
     if scheduler is not None and memory is None:
-        raise ParameterError("works on patches", parameter="scheduler", hint="give memory too, that of a worker")
+        problem = "works on patches, which fit into the memory of a worker"
+        raise ParameterError(problem, parameter="scheduler", remedy=("memory", "4GB"))
     limit = None if memory is None else parse_bytes(memory)
     if limit is not None:
         check_works_in_patches(chosen, given)

@@ -40,7 +40,7 @@ def worded(error: Exception) -> str:
     if isinstance(error, OSError) and error.errno in NO_SPACE:
         return f"the output cannot be written: {error.strerror}"
     if isinstance(error, MemoryError):
-        return "there is not enough memory for this mesh"
+        return "there is not enough memory"
     name = type(error).__name__
     return f"{name}: {error} (please report it; CASCADENORM_TRACEBACK=1 shows where it comes from)"
 

@@ -22,6 +22,8 @@ KEPT_LETTERS = 40  # number of characters of a file name that its temporary file
 def check_output(path: Path, *, force: bool) -> None:
     """Raise OutputError if path cannot be written, or if it is an existing file and force is not given."""
     mode = 0
+    if path == Path("-"):
+        raise OutputError("standard output cannot be used for this output: give the name of a file")
     try:
         target = path.absolute()
     except FileNotFoundError:

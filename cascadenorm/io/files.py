@@ -323,6 +323,8 @@ def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
     except IsADirectoryError:
         raise ReadError(f"{path} is a folder: give the name of a mesh file in it") from None
     except FileNotFoundError:
+        if str(path) == "-":
+            raise ReadError("standard input cannot be used for this mesh: give the name of a file") from None
         raise ReadError(f"{path} does not exist: check the name") from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise ReadError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error

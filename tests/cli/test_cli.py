@@ -11,6 +11,7 @@ from shapes import grid
 
 import cascadenorm as cn
 from cascadenorm.cli import run
+from cascadenorm.cli.errors import worded
 from cascadenorm.cli.options import OTHER_OPTIONS
 from cascadenorm.io.interop import save_mesh
 
@@ -65,6 +66,24 @@ def test_an_output_in_a_folder_that_does_not_exist_is_refused_before_any_work(pl
     before = sorted(place.rglob("*"))
     code, message = refused(capsys, *arguments.split())
     assert code == 5 and "the folder new does not exist: create it first" in message
+    assert sorted(place.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        ("render ball.ply -o -", 5),
+        ("evaluate . --csv -", 5),
+        ("models --hub -", 5),
+        ("fill-holes - -o a.ply", 3),
+        ("render - -o a.png", 3),
+    ],
+)
+def test_a_hyphen_is_no_file_where_streams_are_not_supported(place, capsys, arguments, code):
+    before = sorted(place.rglob("*"))
+    found, message = refused(capsys, *arguments.split())
+    stream = "standard output" if code == 5 else "standard input"
+    assert found == code and f"{stream} cannot be used" in message
     assert sorted(place.rglob("*")) == before
 
 
@@ -356,3 +375,7 @@ except SystemExit as end:
 def test_python_does_not_search_for_garbage_while_libraries_load():
     done = subprocess.run([sys.executable, "-c", COLLECTIONS], capture_output=True, text=True)
     assert done.stderr.splitlines()[-1] == "0 0"
+
+
+def test_lack_of_memory_is_not_blamed_on_a_mesh():
+    assert worded(MemoryError()) == "there is not enough memory"  # as for `render --size 100000`

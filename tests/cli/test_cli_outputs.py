@@ -219,6 +219,11 @@ def test_streams(place):
     np.testing.assert_array_equal(cn.read(io.BytesIO(done.stdout)).mesh.vertices, expected)
 
 
+def test_no_message_follows_a_mesh_on_the_device_of_standard_output(place):
+    by_name = command("denoise", "ball.ply", *FAST, "-o", "/dev/stdout")
+    assert by_name.stdout == command("denoise", "ball.ply", *FAST, "-o", "-").stdout != b""
+
+
 def test_a_stream_has_the_format_that_is_asked_for(place):
     data = (place / "ball.ply").read_bytes()
     done = command("denoise", "-", *FAST, "--format", "off", stdin=data)

@@ -256,7 +256,9 @@ def test_memory_on_the_command_line(place, capsys):
     assert run(["denoise", "scan.ply", "-o", "a.ply", "--method", "fairing", "--memory", "1GB"]) == 2
     assert "fairing needs the whole mesh at once" in capsys.readouterr().err
     assert run([*words, "-o", "a.ply", "--scheduler", "local"]) == 2
-    assert "scheduler works on patches: give memory too" in capsys.readouterr().err
+    assert "--scheduler works on patches, which fit into the memory of a worker: pass --memory\n" in (
+        capsys.readouterr().err
+    )
 
 
 def test_a_mesh_that_does_not_fit_is_denoised_in_patches_and_that_is_said(place, capsys, monkeypatch):

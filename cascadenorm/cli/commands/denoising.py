@@ -79,7 +79,7 @@ def denoise(
     from cascadenorm.api.inspection.inspection import new_faults
     from cascadenorm.cli import progress_bars, tables
 
-    target: Any = output if output is not None else ("-" if source == "-" else None)
+    target: Any = "-" if output == "/dev/stdout" or (output is None and source == "-") else output
     if as_json and target == "-":
         tell_of_compiling(None)  # stderr is reserved for the JSON object
     parameters = parameter_values(settings, model)
