@@ -200,6 +200,9 @@ def train(
     WorkerError
         A process that shares the work ended early.
     """
+    if not isinstance(config, TrainConfig):
+        problem = f"is a {type(config).__name__}; it must be a TrainConfig, which read_config reads from a file"
+        raise ParameterError(problem, parameter="config")
     output = Path(output)
     first = None if first_stage is None else Cascade.load(first_stage).stages[0]
     with _libraries_of_training():

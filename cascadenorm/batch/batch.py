@@ -143,17 +143,17 @@ def denoise_files(
     here = _this_machine(workers, threads, memory, scheduler)
     folder: str | Path = str(output).rstrip("/") if is_url(output) else Path(output)
     record = _manifest_path(folder, manifest)
-    skipped: list[str] = []
+    sources, skipped = source_names(sources), list[str]()
     jobs = find_jobs(sources, folder, format, skipped=skipped)
     if watch is None:
         check_sources(sources, folder, jobs)
-    processes = _started(settings, here, workers, scheduler, [*source_names(sources), output])
+    processes = _started(settings, here, workers, scheduler, [*sources, output])
     with closing(processes), closing(Manifest(record)) as lines:
         run = _Run(settings.key, folder, lines, processes, retries, timeout, listener, on_failure)
         if watch is None:
             run.all(jobs)
         else:
-            names, find = ", ".join(source_names(sources)), partial(find_jobs, sources, folder, format)
+            names, find = ", ".join(sources), partial(find_jobs, sources, folder, format)
             run.all([], Watched(find, watch, lambda error: run.tell(Failure(names, error))))
     return run.done._replace(skipped=skipped)
 

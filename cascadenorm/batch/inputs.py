@@ -119,8 +119,11 @@ def same_output(one: Job, other: Job) -> OutputError:
 
 
 def source_names(sources: Sources) -> list[str]:
-    """Return the names of one or several sources."""
-    return [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
+    """Return the names of one or several sources. Raises ReadError if there are none."""
+    names = [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
+    if not names:
+        raise ReadError("no files are given", hint="give at least one file, folder or pattern")
+    return names
 
 
 def _state(path: Path) -> tuple[int, int | None]:

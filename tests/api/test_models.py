@@ -248,6 +248,11 @@ def test_logs_of_another_kind_are_refused(tmp_path, capsys):
     assert "must end in .csv or .jsonl" in capsys.readouterr().err
 
 
+def test_the_name_of_a_file_is_no_configuration(tmp_path):
+    with pytest.raises(cn.ParameterError, match="config is a str; it must be a TrainConfig, which read_config reads"):
+        cn.train("configs/cascade.toml", tmp_path / "w.safetensors")
+
+
 def test_a_training_that_cannot_start_leaves_no_log(tmp_path, monkeypatch, capsys):
     (tmp_path / "tiny.toml").write_text(TINY)
     words = ["train", "--config", str(tmp_path / "tiny.toml"), "-o", str(tmp_path / "w.safetensors")]

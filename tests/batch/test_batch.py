@@ -212,3 +212,11 @@ def test_a_result_that_is_a_link_to_its_source_does_not_overwrite_it(place):
     (place / "out" / "0.ply").symlink_to(place / "scans" / "a" / "0.ply")
     (failure,) = denoise_files("scans/a", "out", method="laplacian", workers=1, force=True).failures
     assert "is a link to" in str(failure.error) and results(place / "scans") == before
+
+
+def test_a_batch_needs_files_and_takes_them_from_any_iterable(place):
+    with pytest.raises(cn.ReadError, match="no files are given"):
+        denoise_files([], "out")
+    scans(place / "scans", 2)
+    done = denoise_files(iter(sorted((place / "scans").rglob("*.ply"))), "out", method="laplacian", workers=1)
+    assert len(done.lines) == 2
