@@ -22,6 +22,7 @@ from cascadenorm.learned.methods import SHIPPED, Learned, shipped
 from cascadenorm.learned.training.launch import is_local_main, is_main
 from cascadenorm.learned.training.training_log import checked_log, recording, unrecorded
 from cascadenorm.mesh import limit_threads
+from cascadenorm.registry.controls import CONTROLS
 
 
 class Denoiser:
@@ -203,6 +204,7 @@ def train(
     if not isinstance(config, TrainConfig):
         problem = f"is a {type(config).__name__}; it must be a TrainConfig, which read_config reads from a file"
         raise ParameterError(problem, parameter="config")
+    threads = CONTROLS["threads"].checked(threads)
     output = Path(output)
     first = None if first_stage is None else Cascade.load(first_stage).stages[0]
     with _libraries_of_training():
@@ -269,6 +271,7 @@ def train_gate(
     MissingDependencyError
         Torch, scikit-learn or scikit-image is not installed.
     """
+    threads = CONTROLS["threads"].checked(threads)
     output = Path(output)
     check_output(output, force=force)
     cascades = [Cascade.load(path) for path in (vertex, surface)]

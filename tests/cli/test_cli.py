@@ -94,6 +94,12 @@ def test_arguments_are_named_as_options_and_parameters_of_methods_are_not(place,
         ("batch ball.ply -o out --memory much", "--memory is 'much'"),
         (f"denoise ball.ply --memory {'9' * 400}GB", "--memory is '99"),
         ("denoise ball.ply --scheduler local", "--scheduler works on patches"),
+        (
+            "denoise ball.ply --method fairing",
+            "fairing needs a region, the vertices that it may replace: pass --mask\n",
+        ),
+        ("train --quick --threads 0 -o w.safetensors", "--threads is 0; it must be at least 1\n"),
+        ("train-gate ball.ply ball.ply --threads 0 -o w.safetensors", "--threads is 0; it must be at least 1\n"),
         ("denoise ball.ply --method laplacian --set iterations=-1", "iterations is -1"),
     ):
         code, message = refused(capsys, *arguments.split())
