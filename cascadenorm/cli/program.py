@@ -69,6 +69,9 @@ def run(arguments: Sequence[str]) -> int:
             context = getattr(error, "ctx", None)
             if context and context.info_name == "denoise" and "unexpected extra argument" in message:
                 message += "; to denoise several files use `cascadenorm batch`"
+            files = [word for word in arguments if word.startswith("-") and os.path.exists(word)]
+            if "No such option" in message and files:
+                message += f"; for the file {files[0]} write ./{files[0]}"
             if "No such command" in message and os.path.exists(arguments[0]):
                 name = arguments[0]
                 message = f"{name} is no command: to denoise it, use `cascadenorm denoise {shlex.quote(name)}`"

@@ -126,6 +126,13 @@ def test_a_file_in_the_place_of_a_command_is_told_with_a_command_that_works(plac
     assert code == 2 and "to denoise it, use `cascadenorm denoise 'my ball.ply'`" in message
 
 
+def test_a_file_whose_name_begins_like_an_option_is_told_with_a_name_that_works(place, capsys):
+    (place / "ball.ply").rename("-ball.ply")
+    code, message = refused(capsys, "inspect", "-ball.ply")
+    assert code == 2 and "No such option" in message and "for the file -ball.ply write ./-ball.ply" in message
+    assert run(["inspect", "./-ball.ply"]) == 0
+
+
 # bad input
 
 BAD_FILES = {
