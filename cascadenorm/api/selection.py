@@ -76,7 +76,8 @@ def labelled_faces(names: Sequence[str], file: MeshFile) -> NDArray[np.bool_]:
         found += [label.carrying(value) for label in labels if label.kind == kind]
         carrying = np.any(found, axis=0) if found else chosen
         if not carrying[file.triangle_polygons].any():
-            known = dict.fromkeys(f"{label.kind}={v}" for label in labels for v in label.values.tolist() if v != "")
+            alike = [label for label in labels if label.kind == kind] or labels
+            known = dict.fromkeys(f"{label.kind}={v}" for label in alike for v in label.values.tolist() if v != "")
             there = f"there are: {_listed(known)}" if known else "the file has no labels of faces"
             raise ParameterError(f"matches no face with {name!r}; {there}", parameter="only")
         chosen = chosen | carrying

@@ -229,6 +229,10 @@ def test_unknown_labels_are_answered_with_those_that_there_are(tmp_path, ball):
         denoised(only="part=7")
     with pytest.raises(cn.ParameterError, match="'part=red'; there are"):
         denoised(only="part=red")
+    with pytest.raises(
+        cn.ParameterError, match=r"'group=up'; there are: group=left, group=right, group=#a, group=wheels$"
+    ):
+        labelled_faces(["group=up"], cn.read(tmp_path / "things.obj"))
     (tmp_path / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="ascii")
     with pytest.raises(cn.ParameterError, match="'x'; the file has no labels of faces"):
         labelled_faces(["x"], cn.read(tmp_path / "plain.obj"))
