@@ -17,7 +17,7 @@ from cascadenorm.evaluation.harness import Evaluation, RunResult
 from cascadenorm.evaluation.runs import NOISY
 from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import SYMBOLS, errors
-from cascadenorm.io.atomic import check_output, make_folder, write_atomically
+from cascadenorm.io.atomic import make_folder, write_atomically
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.io.pairs import FilePair
 from cascadenorm.mesh import Mesh, scaled_alike
@@ -28,6 +28,7 @@ from cascadenorm.render.style import ACCENTS, INK, drawing
 from cascadenorm.reports.given import given
 from cascadenorm.reports.page import Tile, image, page, table
 from cascadenorm.reports.scene import viewer_scene
+from cascadenorm.reports.writing import check_report
 
 ROW_WIDTH = 1640  # width of a row of pictures in pixels; the more pictures it has, the smaller they are
 LARGEST_PICTURE, SMALLEST_PICTURE = 420, 160
@@ -52,8 +53,7 @@ class _Shown(NamedTuple):
 
 def check_evaluation(output: str | PathLike[str], *, force: bool) -> Path:
     """Return the folder of the pages of the pairs; raise the errors of `report_evaluation` before any work."""
-    output = Path(output)
-    check_output(output, force=force)
+    output = check_report(output, force=force)
     return output.with_name(f"{output.stem}_files")
 
 

@@ -87,6 +87,12 @@ def test_a_hyphen_is_no_file_where_streams_are_not_supported(place, capsys, argu
     assert sorted(place.rglob("*")) == before
 
 
+def test_pages_of_an_evaluation_are_html_files_as_reports_are(place, capsys):
+    for words in (["evaluate", ".", "--html", "a.txt", "--keep", "kept"], ["inspect", "ball.ply", "--report", "a.txt"]):
+        code, message = refused(capsys, *words)
+        assert code == 5 and "a.txt is not the name of an HTML file: end it in .html" in message
+
+
 def test_arguments_are_named_as_options_and_parameters_of_methods_are_not(place, capsys):
     assert not OTHER_OPTIONS & {name for method in cn.methods().values() for name in method.settings}
     for arguments, told in (

@@ -186,7 +186,8 @@ def evaluate(
     if html is not None:
         from cascadenorm.reports.evaluations import check_evaluation, report_evaluation
 
-        keep = keep or check_evaluation(html, force=force)
+        folder = check_evaluation(html, force=force)
+        keep = keep or folder
     with progress_bars.progress_tasks() as progress:
         done = harness.evaluate(
             places,
