@@ -40,5 +40,5 @@ def fairing(
         No region is given, or it contains a whole connected component, so that the solution is not unique.
     """
     if region is None:
-        raise ParameterError("fairing needs a region, the vertices that it may replace", remedy=("mask", None))
+        raise ParameterError("fairing needs a region: denoise with a mask of the vertices that it may replace")
     return fair(mesh, region, order=order, weights=weights, iterations=iterations)

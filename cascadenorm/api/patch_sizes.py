@@ -34,7 +34,7 @@ def check_works_in_patches(method: Method, parameters: Mapping[str, Any]) -> Non
     able = [name for name, known in registered().items() if works_in_patches(known, {})]
     raise ParameterError(
         f"{method.name} needs the whole mesh at once with these parameters, and does not work in patches",
-        hint=f"choose one of {', '.join(able)}, or denoise without memory where the whole fits",
+        hint=f"choose one of {', '.join(able)}, or set no limit of memory if the whole mesh fits",
     )
 
 

@@ -102,7 +102,7 @@ def test_arguments_are_named_as_options_and_parameters_of_methods_are_not(place,
         ("denoise ball.ply --scheduler local", "--scheduler works on patches"),
         (
             "denoise ball.ply --method fairing",
-            "fairing needs a region, the vertices that it may replace: pass --mask\n",
+            "fairing needs a region: denoise with a mask of the vertices",
         ),
         ("train --quick --threads 0 -o w.safetensors", "--threads is 0; it must be at least 1\n"),
         ("train-gate ball.ply ball.ply --threads 0 -o w.safetensors", "--threads is 0; it must be at least 1\n"),
