@@ -317,7 +317,7 @@ def _accumulated(step: Step, mesh: Mesh, strengths: Floats, known: list[Vectors]
 
     Results in `known` are reused, and new results are appended to it.
     """
-    displacement = np.zeros_like(mesh.vertices)
+    displacement = np.zeros(mesh.vertices.shape)  # unlike `zeros_like`, takes no memory before it is written
     for time in track(math.ceil(strengths.max())):
         if not mesh.mean_edge_length**2 > 0:  # the vertices of each face coincide
             continue

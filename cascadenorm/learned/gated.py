@@ -119,7 +119,7 @@ def _denoised(network: Cascade, strong: Cascade | None, mesh: Mesh, impulsive: B
         parts = [(strong, strongly), (network, noisy & ~strongly)]
     parts = [(cascade, part) for cascade, part in parts if part.any()]
     known = [[normals if part.all() else normals[part]] for _, part in parts]
-    del normals  # the cascades release their rows after the first stage
+    del normals, angles  # the networks need memory; the cascades release their rows after the first stage
     denoised = mesh
     for (cascade, part), theirs in zip(parts, known, strict=True):
         denoised = denoised.moved(with_part_moved(denoised, part, partial(cascade.vertices, known=theirs)))
