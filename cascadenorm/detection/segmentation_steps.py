@@ -111,7 +111,7 @@ def _share_in_planes(mesh: Mesh) -> float:
 
 @kernel
 def _largest(components: Ints32, areas: Floats, normals: Vectors, across: Vectors) -> Ints:
-    """Return the largest face of each component whose normal is perpendicular to a vector, (c, 3); -1 without one."""
+    """Return the largest face of each of c components whose normal is perpendicular to its vector, (c,); -1 without."""
     found, most = np.full(len(across), -1), np.zeros(len(across))
     for f in range(len(areas)):
         c = components[f]
@@ -122,7 +122,7 @@ def _largest(components: Ints32, areas: Floats, normals: Vectors, across: Vector
 
 @kernel
 def _shares_along(components: Ints32, areas: Floats, normals: Vectors, axes: Floats) -> Floats:
-    """Return the share of the area of each component that belongs to faces with a normal along an axis, (c, 3, 3)."""
+    """Return the share of the area of each component in faces with a normal along one of its three axes, (c,)."""
     total, along = np.zeros(len(axes)), np.zeros(len(axes))
     for f in range(len(areas)):
         c = components[f]

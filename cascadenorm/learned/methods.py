@@ -46,8 +46,9 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 
     The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
     two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
-    For each connected component, a gate chooses between them from the triangulation. Measured surfaces are then
-    filtered bilaterally, and their boundaries also fitted by quadrics, unless `treat_as` is `unknown`.
+    For each connected component, a gate chooses between them from the triangulation. Strong vertex noise has its own
+    later stages. Measured surfaces are then filtered bilaterally, and their boundaries also fitted by quadrics, unless
+    `treat_as` is `unknown`.
 
     Formula
     -------
