@@ -56,4 +56,4 @@ def interrupted_once() -> Iterator[None]:
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """Handle a signal by nothing; processes that start meanwhile would inherit SIG_IGN."""
+    """Do nothing. Processes that start meanwhile would inherit SIG_IGN, but not this handler."""

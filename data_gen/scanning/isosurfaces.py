@@ -18,7 +18,7 @@ from cascadenorm.data_gen.scanning.volumes import (
     surface_nets,
     volume_surface,
 )
-from cascadenorm.data_gen.shapes.fields import DistanceField
+from cascadenorm.data_gen.shapes.fields import DistanceField, pushed_out
 from cascadenorm.data_gen.shapes.patterns import smooth_relief
 from cascadenorm.mesh import Mesh
 
@@ -99,15 +99,11 @@ def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.rand
     mesher, density, _ = MESHERS[str(rng.choice(list(MESHERS), p=[share for *_, share in MESHERS.values()]))]
     voxel = float(np.sqrt(density * extent.area / faces))
     if rng.random() < RELIEF_SHARE:
-        field = with_relief(field, smooth_relief(edge=EDGE * voxel, waves=rng.random() < WAVES_SHARE, rng=rng))
+        relief = smooth_relief(edge=EDGE * voxel, waves=rng.random() < WAVES_SHARE, rng=rng)
+        field = pushed_out(field, relief, amplitude=1.0)
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
     placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces))
     if rng.random() < RELAXED_SHARE:
         placed = placed.moved(onto_surface(field, placed.vertices, size=0.3 * voxel))
     return placed
-
-
-def with_relief(field: DistanceField, relief: DistanceField) -> DistanceField:
-    """Return a field whose surface is raised by the heights of a relief."""
-    return lambda points: field(points) - relief(points)
