@@ -42,8 +42,8 @@ def without_wide_errors(mesh: Mesh, width: float, denoise: Callable[[CoarseCopy]
 
 def wide_on_components(mesh: Mesh, width: float) -> Floats:
     """Return the width of errors, in mesh units, on each of c components; 0 where no copy would have longer edges."""
-    components, edges = mesh.topology.components, mesh.topology.edges
-    of_edges, count = components[edges[:, 0]], int(components.max()) + 1
+    edges, count = mesh.topology.edges, mesh.topology.component_count
+    of_edges = mesh.topology.components[edges[:, 0]]
     sums = np.bincount(of_edges, row_distances(mesh.vertices, edges), minlength=count)
     counts = np.bincount(of_edges, minlength=count)
     return np.where((counts > 0) & (max(SHARES) * width > sums / np.maximum(counts, 1)), width, 0.0)

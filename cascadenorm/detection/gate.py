@@ -70,7 +70,7 @@ def component_kinds(gate: Gate, mesh: Mesh) -> ComponentKinds:
 
 def _classified(gate: Gate, mesh: Mesh) -> ComponentKinds:
     components = mesh.topology.face_components
-    counts = np.bincount(components, minlength=int(mesh.topology.components.max()) + 1)
+    counts = np.bincount(components, minlength=mesh.topology.component_count)
     small = counts < SMALL_SHARE * len(components)
     group = np.where(small, len(counts), np.arange(len(counts)))[components]
     order = np.argsort(group, kind="stable")

@@ -51,7 +51,7 @@ def voxel_components(mesh: Mesh) -> Bools:
     Those whose faces lie along three axes are examined together, since small ones alone have too few edges.
     """
     components = mesh.topology.face_components
-    first = _largest_normals(mesh, np.zeros((int(mesh.topology.components.max()) + 1, 3)))
+    first = _largest_normals(mesh, np.zeros((mesh.topology.component_count, 3)))
     second = _largest_normals(mesh, first)
     axes = np.stack([first, second, np.cross(first, second)], axis=1)
     along = (_shares_along(components, mesh.areas, mesh.face_normals, axes) >= ALONG_AXES) & second.any(axis=1)

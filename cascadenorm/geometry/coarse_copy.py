@@ -100,7 +100,7 @@ def coarse_copy(mesh: Mesh, length: float) -> CoarseCopy | None:
 def _spacing(mesh: Mesh, length: float) -> Floats:
     """Return the (n,) distance between clusters around each vertex: `length`, or less on small components."""
     components = mesh.topology.components
-    areas = scatter_add(mesh.topology.face_components, mesh.areas, int(components.max()) + 1)
+    areas = scatter_add(mesh.topology.face_components, mesh.areas, mesh.topology.component_count)
     smallest = np.sqrt(areas / (LEAST_CLUSTERS * math.sqrt(0.75)))  # a hexagon of width d has the area √¾ d²
     return np.maximum(np.minimum(length, smallest), np.finfo(float).tiny)[components]
 

@@ -51,7 +51,7 @@ class GatedCascades:
         if treat_as is None:
             return component_kinds(self.gate, mesh)
         probability = float(treat_as != "vertex-noise")
-        count = int(mesh.topology.components.max()) + 1
+        count = mesh.topology.component_count
         return ComponentKinds(np.full(count, probability == 1), np.full(count, probability))
 
     def vertices(self, mesh: Mesh) -> Vectors:

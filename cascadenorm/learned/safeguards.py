@@ -76,5 +76,5 @@ def components_without_estimate(mesh: Mesh) -> Bools:
     """
     topology = mesh.topology
     components = topology.face_components
-    edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=int(topology.components.max()) + 1)
+    edges = np.bincount(components[topology.face_pairs[:, 0]], minlength=topology.component_count)
     return (edges < FEWEST_COMPONENT_EDGES) | voxel_components(mesh)

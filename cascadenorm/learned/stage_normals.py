@@ -55,7 +55,7 @@ def _with_context(stage: Regression, mesh: Mesh, noisy: Mesh, patching: Patching
     each = partial(
         each_patch, mesh, patching, receptive_field=field, facts=FACTS, vertices=[noisy.vertices], components=True
     )
-    totals = _no_sums(stage, int(mesh.topology.components.max()) + 1)
+    totals = _no_sums(stage, mesh.topology.component_count)
     kept, again, spare = list[_Filtered](), list[int](), patching.spare
     for patch, (sums, filtered) in each(partial(_sums, stage, spare > 0)):
         _add(totals, sums, patch.component_numbers)

@@ -163,6 +163,11 @@ class Topology:
         """(n,) connected component of each vertex; a vertex without a face is a component of its own."""
         return connected_components(self.edges, self.vertex_count)
 
+    @property
+    def component_count(self) -> int:
+        """Number of connected components, including vertices without a face."""
+        return int(self.components.max(initial=-1)) + 1
+
     @cached_property
     def face_components(self) -> Ints32:
         """(m,) connected component of each face, as in `components`."""

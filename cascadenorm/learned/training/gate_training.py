@@ -74,7 +74,7 @@ def compare_networks(vertex: Cascade, surface: Cascade, config: DatasetConfig, i
     """Denoise a generated mesh with each of the networks."""
     made = pair(config, index)
     mesh, known = without_outliers(made.noisy), np.flatnonzero(made.normals.any(axis=1))
-    components, outliers = int(mesh.topology.components.max()) + 1, impulsive(made.noisy, mesh)
+    components, outliers = mesh.topology.component_count, impulsive(made.noisy, mesh)
 
     def angle(measured: bool) -> float:
         network = ChosenNetworks(vertex, surface, np.full(components, measured), outliers)
