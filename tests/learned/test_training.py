@@ -276,17 +276,20 @@ def test_the_log_that_rank_0_has_begun_is_no_reason_for_the_others_to_stop(tmp_p
 
 
 THREADS_LEFT = """
+import gc
 import sys
 from pathlib import Path
 import torch
 from cascadenorm.learned.training import distributed
+gc.disable()
 with distributed.process_group():
     weights = torch.nn.Linear(3, 1)
     network = torch.nn.parallel.DistributedDataParallel(weights)
     optimiser = torch.optim.AdamW(network.parameters())
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, 1)  # each refers to the other
     network(torch.ones(2, 3)).sum().backward()
     optimiser.step()
-    del weights, network, optimiser
+    del weights, network, optimiser, schedule
 names = [thread.read_text() for thread in Path("/proc/self/task").glob("*/comm")]
 sys.exit(any("gloo" in name for name in names))
 """

@@ -3,6 +3,7 @@
 Each process keeps a shard of the meshes.
 """
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -31,6 +32,9 @@ def process_group() -> Iterator[None]:
     try:
         yield
     finally:
+        # Models that torch left in reference cycles keep the group alive, and its threads would abort the process when
+        # the interpreter ends.
+        gc.collect()
         distributed.destroy_process_group()
 
 
