@@ -30,6 +30,7 @@ PAGES = {
     "extractors": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "levels": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "decimated": ("benchmarks/accuracy.md", "accuracy.generated.table"),
+    "reliefs": ("benchmarks/accuracy.md", "accuracy.generated.table"),
     "scans": ("benchmarks/accuracy.md", "accuracy.scans.table"),
     "ablation": ("benchmarks/ablation.md", "accuracy.ablation.table"),
     "controls": ("benchmarks/controls.md", "accuracy.controls.table"),

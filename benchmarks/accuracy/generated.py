@@ -4,13 +4,15 @@
     python -m benchmarks.accuracy.generated extractors [--shapes 8] [--voxels 60] [--record]
     python -m benchmarks.accuracy.generated elongated [--shapes 12] [--record]
     python -m benchmarks.accuracy.generated decimated [--shapes 8] [--record]
+    python -m benchmarks.accuracy.generated reliefs [--shapes 8] [--record]
 
 `levels` meshes each shape with real kinds of error from weak to strong: from grey volumes with more and more grain,
 from points with larger and larger errors, and with error that is correlated over several edges; and simulates laser
 scans of other shapes with larger and larger errors. `extractors` labels
 each shape on a lattice and meshes the mask by VTK in several ways (extra `pyvista`). `elongated` adds noise along the
 normals to parametric surfaces over grids, most with elongated triangles (extra `pyvista`). `decimated` decimates
-measured surfaces and clean shapes by VTK (extra `pyvista`). The tables have the mean angle to the true surface by area,
+measured surfaces and clean shapes by VTK (extra `pyvista`). `reliefs` meshes shapes with fine relief by marching cubes,
+without error. The tables have the mean angle to the true surface by area,
 in degrees; all are shown in benchmarks/accuracy.md.
 """
 
@@ -29,16 +31,18 @@ from cascadenorm.data_gen.meshing.lattice import grid
 from cascadenorm.data_gen.meshing.surface import Extent, extent_of
 from cascadenorm.data_gen.noise.noise import displacements
 from cascadenorm.data_gen.noise.sensor import laser_displacements
+from cascadenorm.data_gen.scanning.isosurfaces import EDGE, MESHERS, level_surface, onto_level
 from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.points import reconstruction
 from cascadenorm.data_gen.scanning.volumes import tomogram
-from cascadenorm.data_gen.shapes.fields import DistanceField
+from cascadenorm.data_gen.shapes import patterns
+from cascadenorm.data_gen.shapes.fields import DistanceField, pushed_out
 from cascadenorm.execution.process_map import parallel_map
 from cascadenorm.mesh import Mesh, angles_between, thread_count
 
 SHAPES = ("statue", "bracket", "bust", "turned", "creature", "assembly", "wheel", "rock")
 METHODS = ("auto", "guided-normal", "bilateral-normal", "taubin")
-SEEDS = {"levels": 992, "extractors": 991, "elongated": 993, "decimated": 994}
+SEEDS = {"levels": 992, "extractors": 991, "elongated": 993, "decimated": 994, "reliefs": 995}
 FACES = 10_000
 
 TURN = 2 * np.pi
@@ -185,6 +189,17 @@ REMOVED = 0.5, 0.8
 CLEAN_REMOVED = 0.9
 """The same for clean shapes."""
 
+RELIEFS: dict[str, tuple[Callable[..., DistanceField], tuple[float, ...]]] = {
+    "waves": (patterns.sines, (4.0, 6.0, 8.0, 12.0)),
+    "wrinkles": (partial(patterns.noise, form="ridged"), (6.0, 12.0)),
+    "grooves": (partial(patterns.stripes, wander=0.5, sharpness=1.0), (6.0, 12.0)),
+    "scales": (partial(patterns.cells, kind="bumps"), (6.0, 12.0)),
+    "cracks": (partial(patterns.cells, kind="cracks"), (6.0, 12.0)),
+}
+"""Patterns of relief, and their wavelengths in mean edge lengths."""
+RELIEF_HEIGHT = 0.1
+"""Height of relief in wavelengths."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the meshes, denoise and measure them."""
@@ -197,7 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     methods = running.chosen_methods(options)
     count = options.shapes or (len(SURFACES) if options.kind == "elongated" else len(SHAPES))
-    makers = {"levels": of_levels, "elongated": of_elongated, "decimated": of_decimated}
+    makers = {"levels": of_levels, "elongated": of_elongated, "decimated": of_decimated, "reliefs": of_reliefs}
     makers["extractors"] = partial(of_extractors, voxels=options.voxels)
     each = partial(makers[options.kind], methods=methods)
     found = []
@@ -289,6 +304,30 @@ def of_decimated(number: int, *, methods: Sequence[str]) -> dict[str, list[float
     clean = without_share(fine, CLEAN_REMOVED)
     found[f"clean, {CLEAN_REMOVED:.0%} of the faces removed"] = angles_of(clean, clean.face_normals, methods)
     return found
+
+
+def of_reliefs(number: int, *, methods: Sequence[str]) -> dict[str, list[float]]:
+    """Return the angles of level surfaces of a shape with each relief, whose vertices lie on the surface."""
+    found = {}
+    for name, (pattern, wavelengths) in RELIEFS.items():
+        for edges in wavelengths:
+            rng = np.random.default_rng([SEEDS["reliefs"], number])
+            made = until_valid(partial(relieved, SHAPE_FAMILIES[SHAPES[number % len(SHAPES)]], pattern, edges, rng))
+            found[f"{name} of {edges:g} edges"] = angles_of(made.noisy, made.normals, methods)
+    return found
+
+
+def relieved(
+    family: ShapeFamily, pattern: Callable[..., DistanceField], edges: float, rng: np.random.Generator
+) -> Measured:
+    """Draw a shape, add a relief to it, and mesh it by marching cubes."""
+    field, extent = drawn(family, rng)
+    mesher, density, _ = MESHERS["cubes"]
+    voxel = float(np.sqrt(density * extent.area / FACES))
+    wavelength = edges * EDGE * voxel
+    field = pushed_out(field, pattern(wavelength=wavelength, rng=rng), amplitude=RELIEF_HEIGHT * wavelength)
+    mesh = onto_level(field, level_surface(field, extent, mesher, voxel=voxel, rng=rng), voxel)
+    return beneath(field, mesh, cell=voxel)
 
 
 def without_share(mesh: Mesh, share: float) -> Mesh:

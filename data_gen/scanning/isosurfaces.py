@@ -1,5 +1,6 @@
 """Level surfaces of distance fields, exact or with the error of a neural reconstruction."""
 
+from collections.abc import Callable
 from itertools import permutations
 
 import numpy as np
@@ -19,6 +20,7 @@ from cascadenorm.data_gen.scanning.volumes import (
     volume_surface,
 )
 from cascadenorm.data_gen.shapes.fields import DistanceField, pushed_out
+from cascadenorm.data_gen.shapes.organic import skin
 from cascadenorm.data_gen.shapes.patterns import smooth_relief
 from cascadenorm.mesh import Mesh
 
@@ -78,7 +80,9 @@ def _tetrahedra(numbers: NDArray[np.int64], order: tuple[int, ...]) -> NDArray[n
 
 
 RELIEF_SHARE = 0.85  # share of the meshes with a relief a few edges wide
-WAVES_SHARE = 0.5  # share of the reliefs that are waves instead of gradient noise
+SMOOTH_SHARE = 0.5  # share of the reliefs that are smooth; the others are folds, hair, scales, cracks and so on
+WAVES_SHARE = 0.5  # share of the smooth reliefs that are waves instead of gradient noise
+FINEST = 3.0  # shortest wavelength of the other reliefs, in mean edge lengths
 EDGE = 0.88  # mean edge length in voxels, roughly
 RELAXED_SHARE = 0.6  # share of the meshes whose vertices are moved onto the surface
 MESHERS = {
@@ -93,17 +97,33 @@ it."""
 def isosurface(field: DistanceField, extent: Extent, *, faces: int, rng: np.random.Generator) -> Mesh:
     """Mesh the level of an exact field, whose only error is the interpolation between the nodes of a lattice.
 
-    Most fields get a smooth relief. The mesh has about `faces` faces. Raises UnfitShapeError if the field has no
-    surface in the volume.
+    Most fields get a relief. The mesh has about `faces` faces. Raises UnfitShapeError if the field has no surface in
+    the volume.
     """
     mesher, density, _ = MESHERS[str(rng.choice(list(MESHERS), p=[share for *_, share in MESHERS.values()]))]
     voxel = float(np.sqrt(density * extent.area / faces))
     if rng.random() < RELIEF_SHARE:
-        relief = smooth_relief(edge=EDGE * voxel, waves=rng.random() < WAVES_SHARE, rng=rng)
-        field = pushed_out(field, relief, amplitude=1.0)
+        field = _with_relief(field, EDGE * voxel, rng)
+    placed = level_surface(field, extent, mesher, voxel=voxel, rng=rng)
+    return onto_level(field, placed, voxel) if rng.random() < RELAXED_SHARE else placed
+
+
+def level_surface(
+    field: DistanceField, extent: Extent, mesher: Callable[[Volume], Mesh], *, voxel: float, rng: np.random.Generator
+) -> Mesh:
+    """Mesh the level 0 of a field that is sampled at the nodes of a lattice in a random direction."""
     nodes, axes = random_lattice(extent, np.full(3, voxel), rng=rng)
     mesh = mesher(0.5 - sampled(field, nodes) / voxel)
-    placed = disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces))
-    if rng.random() < RELAXED_SHARE:
-        placed = placed.moved(onto_surface(field, placed.vertices, size=0.3 * voxel))
-    return placed
+    return disentangled(Mesh(nodes[0, 0, 0] + mesh.vertices @ axes, mesh.faces))
+
+
+def onto_level(field: DistanceField, mesh: Mesh, voxel: float) -> Mesh:
+    """Move the vertices of a level surface onto the level between the nodes."""
+    return mesh.moved(onto_surface(field, mesh.vertices, size=0.3 * voxel))
+
+
+def _with_relief(field: DistanceField, edge: float, rng: np.random.Generator) -> DistanceField:
+    if rng.random() < SMOOTH_SHARE:
+        relief = smooth_relief(edge=edge, waves=rng.random() < WAVES_SHARE, steep=True, rng=rng)
+        return pushed_out(field, relief, amplitude=1.0)
+    return skin(field, finest=FINEST * edge, layers=1, rng=rng)

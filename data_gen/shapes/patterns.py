@@ -12,7 +12,8 @@ from cascadenorm.data_gen.shapes.placement import log_uniform, random_rotation
 from cascadenorm.mesh import Floats, Vectors, kernel
 
 WAVELENGTHS = 3.5, 16.0  # wavelengths of relief, in mean edge lengths
-STEEPNESS = 0.01, 0.16  # ratio of the height of relief to its wavelength
+STEEPNESS = 0.01, 0.16  # ratio of the height of relief to its wavelength, log-uniform
+STEEP = 0.01, 0.2  # the same of steep relief, uniform
 
 Form = Literal["smooth", "ridged", "billowed"]
 """How octaves are combined: unchanged, with sharp crests (folds of cloth, wrinkles), or with sharp valleys (clouds,
@@ -32,21 +33,27 @@ def noise(
     return lambda points: field(np.ascontiguousarray(points) / wavelength)
 
 
-def smooth_relief(*, edge: float, waves: bool, rng: np.random.Generator) -> DistanceField:
-    """Return the heights of a relief that meshes with the given mean edge length resolve: waves, or gradient noise."""
+def smooth_relief(*, edge: float, waves: bool, steep: bool = False, rng: np.random.Generator) -> DistanceField:
+    """Return the heights of a relief that meshes with the given mean edge length resolve: waves, or gradient noise.
+
+    Most reliefs are flat. With `steep`, all heights up to a fifth of the wavelength are equally likely.
+    """
     wavelength = log_uniform(WAVELENGTHS, rng=rng) * edge
-    height = wavelength * log_uniform(STEEPNESS, rng=rng)
-    if not waves:
-        pattern = noise(wavelength=wavelength, rng=rng)
-        return lambda points: height * pattern(points)
+    height = wavelength * (rng.uniform(*STEEP) if steep else log_uniform(STEEPNESS, rng=rng))
+    pattern = sines(wavelength=wavelength, rng=rng) if waves else noise(wavelength=wavelength, rng=rng)
+    return lambda points: height * pattern(points)
+
+
+def sines(*, wavelength: float, rng: np.random.Generator) -> DistanceField:
+    """Return the product, or half the sum, of sine waves along three perpendicular axes in random directions."""
     axes, phases = random_rotation(rng=rng) * (2 * np.pi / wavelength), rng.uniform(0, 2 * np.pi, 3)
     product = rng.random() < 0.5
 
-    def heights(points: Vectors) -> Values:
-        sines = np.sin(points @ axes + phases)
-        return np.asarray(height * (sines.prod(axis=1) if product else sines.sum(axis=1) / 2))
+    def pattern(points: Vectors) -> Values:
+        waves = np.sin(points @ axes + phases)
+        return np.asarray(waves.prod(axis=1) if product else waves.sum(axis=1) / 2)
 
-    return heights
+    return pattern
 
 
 def cells(*, wavelength: float, kind: Literal["bumps", "cracks"], rng: np.random.Generator) -> DistanceField:

@@ -61,7 +61,9 @@ def test_the_truth_of_a_noisy_field_is_the_shape():
     assert 5 < left < 50
 
 
-def test_relief_of_a_level_is_in_its_field(monkeypatch):
+@pytest.mark.parametrize("smooth", [0.0, 1.0])
+def test_relief_of_a_level_is_in_its_field(monkeypatch, smooth):
+    monkeypatch.setattr(isosurfaces, "SMOOTH_SHARE", smooth)
     heights: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share in heights:
         monkeypatch.setattr(isosurfaces, "RELIEF_SHARE", share)
