@@ -27,7 +27,13 @@ def spectral(
             "band, by the gain"
         ),
     ] = "low-pass",
-    band_start: Annotated[int, Parameter("First harmonic of the band, counted from 0", minimum=0)] = 1,
+    band_start: Annotated[
+        int | None,
+        Parameter(
+            "First harmonic of the band, counted from 0. Default: after the constant ones, one for each component",
+            minimum=0,
+        ),
+    ] = None,
     band_end: Annotated[int | None, Parameter("First harmonic after the band. Default: none", minimum=1)] = None,
     gain: Annotated[float, Parameter("Factor of the amplitudes", minimum=0)] = 1.5,
     eigenpairs: Annotated[
@@ -55,9 +61,9 @@ def spectral(
             f"the mesh has {parts} connected components, each of which needs a constant harmonic of its own; harmonics "
             f"is {count}: request more, or remove small components"
         )
-    end = count if band_end is None else band_end
-    if end > count or (band_start >= end and transfer != "low-pass"):
-        raise ParameterError(f"the band from {band_start} to {end} must be within the {count} harmonics, and not empty")
+    start, end = parts if band_start is None else band_start, count if band_end is None else band_end
+    if end > count or (start >= end and transfer != "low-pass"):
+        raise ParameterError(f"the band from {start} to {end} must be within the {count} harmonics, and not empty")
     approximate = eigenpairs == "approximate" or (eigenpairs == "auto" and available > EXACT_LIMIT)
     basis = fast_harmonics(mesh, count) if approximate else manifold_harmonics(mesh, count)
     weights = np.ones(count)
@@ -65,7 +71,7 @@ def spectral(
         weights[end:] = 0
         rest = 0.0
     else:
-        weights[band_start : end if transfer == "exaggerate" else count] = gain
+        weights[start : end if transfer == "exaggerate" else count] = gain
         rest = gain if transfer == "enhance" else 1.0
     return filtered(mesh, basis, weights, rest=rest)
 

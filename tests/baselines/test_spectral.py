@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from shapes import icosphere, noisy
+from shapes import icosphere, noisy, side_by_side
 
 from cascadenorm.baselines.spectral import filtered, spectral
 from cascadenorm.errors import ParameterError
@@ -54,6 +54,15 @@ def test_enhancement_raises_all_above_the_start_of_the_band():
     expected = energies(MESH.vertices)
     expected[10:] *= 1.3**2
     np.testing.assert_allclose(energies(moved), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("transfer", ["enhance", "exaggerate"])
+def test_components_keep_their_centroids(transfer):
+    mesh = side_by_side(*(noisy(icosphere(2), 0.2, seed=seed) for seed in range(3)))
+    masses = manifold_harmonics(mesh, 1).mass[:, None]
+    moved = spectral(mesh, harmonics=40, transfer=transfer, gain=3)
+    for mass, before, after in zip(*(np.split(each, 3) for each in (masses, mesh.vertices, moved)), strict=True):
+        np.testing.assert_allclose((mass * after).sum(axis=0), (mass * before).sum(axis=0), rtol=1e-9)
 
 
 def test_weights_may_be_any_function_of_the_eigenvalues():
