@@ -19,7 +19,7 @@ from cascadenorm.geometry.laplacians import (
     laplacian_of,
 )
 from cascadenorm.geometry.sparse_solvers import solver_of_rings, solver_of_steps
-from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add
+from cascadenorm.mesh import Floats, Ints32, Mesh, Vectors, scatter_add
 from cascadenorm.registry import Parameter, ParameterError, method
 
 Scheme = Literal["explicit", "implicit"]
@@ -29,7 +29,7 @@ DiffusionStep = Annotated[
 Moving = Annotated[VertexMask | None, Parameter("(n,) bool, the vertices that move. The others are fixed")]
 
 LARGEST_EIGENVALUE = 2.0  # eigenvalue of -Δ with uniform weights
-LONGEST = 1e6  # areas of the mesh, largest time of an implicit step of a flow; even long tubes become points in it
+LONGEST = 1e6  # areas of the mesh, largest time of an implicit step; even long tubes become points in it
 MOST_STEPS = 10_000  # explicit steps that a call may be divided into
 
 logger = logging.getLogger(__name__)
@@ -102,10 +102,10 @@ def diffuse(
 
     The values, (n, c), are the vertices or at most three other columns. The time t of one step is in the unit of the
     Laplacian to the power `order`. An explicit step t ≤ 2 / k_max^order is stable, where k_max is `laplacian.largest`.
-    Longer ones are divided into equal stable ones, which is logged at level INFO. Only vertices in the region, (n,),
-    move; None selects all that have mass. Where they meet fixed vertices, the limit of the flow has order - 1
-    continuous derivatives. Returns (n, c). Raises ParameterError if all explicit steps together take more than 10,000
-    stable ones.
+    Longer ones are divided into equal stable ones, which is logged at level INFO. Implicit steps longer than
+    (LONGEST areas)^order act as that long. Only vertices in the region, (n,), move; None selects all that have mass.
+    Where they meet fixed vertices, the limit of the flow has order - 1 continuous derivatives. Returns (n, c). Raises
+    ParameterError if all explicit steps together take more than 10,000 stable ones.
     """
     free = laplacian.mass > 0 if region is None else region & (laplacian.mass > 0)
     if time == 0 or iterations == 0 or not free.any():
@@ -116,6 +116,7 @@ def diffuse(
             values = values - np.where(free[:, None], (time / cuts) * laplacian.apply(values, order), 0.0)
         return values
     # (M + tP) d = -tPx for the displacement d, with P = M(-Δ)^p; rows and columns of values that stay are left out
+    time = min(time, (LONGEST * float(laplacian.mass.sum())) ** order)
     power = laplacian.power(order)
     inside = np.flatnonzero(free)
     mass = scipy.sparse.diags_array(laplacian.mass[inside])
@@ -125,9 +126,13 @@ def diffuse(
     else:
         root = mass + time ** (1 / order) * laplacian.stiffness[inside][:, inside]  # (1 + sk)^p is near 1 + tk^p
         solve = solver_of_rings(matrix, root, laplacian.mass[inside], laplacian.positions[inside], order=order)
+    # the mean over a component does not change; long steps would multiply its rounding error
+    component = scipy.sparse.csgraph.connected_components(laplacian.stiffness)[1]
     values = values.copy()
     for _ in track(iterations):
-        values[inside] += solve(-time * (power @ values)[inside])
+        moves = np.zeros_like(values)
+        moves[inside] = solve(-time * (power @ values)[inside])
+        values += moves - component_means(component, laplacian.mass, moves, free)
     return values
 
 
@@ -144,7 +149,7 @@ def flowed(
     normals = mesh.vertex_normals[boundary]
 
     def velocity(vertices: Vectors) -> Vectors:
-        towards = -laplacian.apply(vertices - component_means(mesh, laplacian.mass, vertices))
+        towards = -laplacian.apply(vertices - component_means(mesh.topology.components, laplacian.mass, vertices))
         towards[boundary] = np.einsum("ij,ij->i", towards[boundary], normals)[:, None] * normals
         towards[held] = 0
         return towards
@@ -173,15 +178,15 @@ def implicit_moves(
     mass, moves = laplacian.mass[inside], np.zeros_like(velocity)
     matrix = scipy.sparse.csr_array(scipy.sparse.diags_array(mass) + time * laplacian.stiffness[inside][:, inside])
     moves[inside] = solver_of_steps(matrix, laplacian.positions[inside])(time * mass[:, None] * velocity[inside])
-    return moves + component_means(mesh, laplacian.mass, min(time, area) * velocity - moves, region)
+    drift = min(time, area) * velocity - moves
+    return moves + component_means(mesh.topology.components, laplacian.mass, drift, region)
 
 
-def component_means(mesh: Mesh, mass: Floats, values: Vectors, region: VertexMask | None = None) -> Vectors:
-    """Return the (n, 3) means of values, (n, 3), by mass over the component of each vertex.
+def component_means(component: Ints32, mass: Floats, values: Floats, region: VertexMask | None = None) -> Floats:
+    """Return the means of values, (n, c), by mass over the component of each vertex, numbered in (n,).
 
     They are 0 for components with a vertex outside the region.
     """
-    component = mesh.topology.components
     sums = scatter_add(component, np.column_stack([mass, mass[:, None] * values]), int(component.max()) + 1)
     masses, totals = sums[:, :1], sums[:, 1:]
     held = masses == 0
@@ -193,16 +198,16 @@ def component_means(mesh: Mesh, mass: Floats, values: Vectors, region: VertexMas
 def _stable_cuts(largest: float, time: float, iterations: int, order: Order) -> int:
     """Return the number of stable steps into which an explicit step is divided."""
     longest = 2.0 / largest**order
-    cuts = max(1, math.ceil(time / longest * (1 - 1e-12)))
+    cuts = max(1.0, float(np.ceil(time / longest * (1 - 1e-12))))
     if cuts * iterations > MOST_STEPS:
-        share = MOST_STEPS / (cuts * iterations)
         raise ParameterError(
-            f"{iterations} explicit steps of this size need {cuts * iterations} stable ones; {MOST_STEPS} are allowed: "
-            f"make step or iterations at least {1 / share:.3g} times smaller, or use scheme='implicit'"
+            f"{iterations} explicit steps of this size need {cuts * iterations:.6g} stable ones; {MOST_STEPS} are "
+            f"allowed: make step or iterations at least {cuts * iterations / MOST_STEPS:.3g} times smaller, or use "
+            "scheme='implicit'"
         )
     if cuts > 1:
         logger.info("each explicit step is cut into %d stable ones", cuts)
-    return cuts
+    return int(cuts)
 
 
 @method("mean-curvature-flow", source="Desbrun, Meyer, Schröder, Barr 1999", family="smoothing")

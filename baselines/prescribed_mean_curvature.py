@@ -66,7 +66,7 @@ def prescribed_mean_curvature(
         laplacian = cotangent_laplacian(mesh)
         normals = diffused_vertex_normals(mesh, presmoothing)
         velocity = target * normals - laplacian.inverse_mass[:, None] * area_gradient(mesh, weights)
-        velocity -= component_means(mesh, laplacian.mass, velocity, region)
+        velocity -= component_means(mesh.topology.components, laplacian.mass, velocity, region)
         if region is not None:
             velocity[~region] = 0
         moves = implicit_moves(mesh, laplacian, velocity, time=time, region=region)

@@ -67,6 +67,8 @@ def test_explicit_step_that_would_blow_up_is_cut_and_the_log_says_so(caplog):
 def test_explicit_step_far_too_long_is_refused_with_the_way_out():
     with pytest.raises(ParameterError, match=r"10000 are allowed.*times smaller, or use scheme='implicit'"):
         laplacian(MESH, scheme="explicit", step=1e3, iterations=10, order=2)
+    with pytest.raises(ParameterError, match="5 explicit steps of this size need inf stable ones"):
+        laplacian(MESH, scheme="explicit", step=1e308, order=3)
 
 
 @pytest.mark.parametrize(
@@ -141,6 +143,19 @@ def test_two_steps_rebuild_the_laplacian():
     ratio = (mesh.mean_edge_length / first.mean_edge_length) ** 2
     expected = mean_curvature_flow(first, step=0.3 * ratio, iterations=1)
     np.testing.assert_allclose(mean_curvature_flow(mesh, step=0.3, iterations=2), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("weights", ["uniform", "cotan"])
+@pytest.mark.parametrize("step", [1e3, 1e15, 1e307])
+def test_implicit_steps_of_any_length_keep_the_mean_of_each_component(order, weights, step):
+    small = 0.01 * MESH.vertices + (3, 0, 0)
+    mesh = Mesh(np.concatenate([MESH.vertices, small]), np.concatenate([MESH.faces, MESH.faces + len(small)]))
+    moved = laplacian(mesh, weights=weights, scheme="implicit", order=order, step=step, iterations=3)
+    mass = laplacian_of(MESH, weights).mass
+    for before, after in zip(np.split(mesh.vertices, 2), np.split(moved, 2), strict=True):
+        np.testing.assert_allclose(mass @ after, mass @ before, rtol=0, atol=1e-9 * mass.sum())
+        assert np.ptp(after, axis=0).max() < np.ptp(before, axis=0).max()
 
 
 @pytest.mark.parametrize("flow", [mean_curvature_flow, anisotropic_diffusion])
