@@ -49,7 +49,9 @@ def rolling_guidance_normal(
 
     Limits
     ------
-    Everything narrower than the width is removed, whether it is noise or shape.
+    Everything narrower than the width is removed, whether it is noise or shape. Where the surface bends by over 2 σ
+    within the width, all of it counts as an edge and keeps its noise: the width should be well below its radii of
+    curvature and the sides of the shape.
     """
     if width == 0 or not mesh.mean_edge_length > 0:
         return mesh.vertices.copy()
