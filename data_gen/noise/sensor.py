@@ -28,23 +28,20 @@ def sensor_displacements(mesh: Mesh, deviation: float, rng: np.random.Generator)
     times larger than its difference between neighbouring pixels. That is about as large as the difference of white
     noise with the standard deviation `deviation`, in mesh units. Returns (n, 3) displacements in parallel rows.
     """
-    mean = mesh.area_vectors.sum(axis=0)
-    closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
-    toward = random_direction(rng=rng) if closed else unit(mean[None])[0]
+    toward = _viewing_direction(mesh, rng=rng)
     depth = -mesh.vertices @ toward
     distance = depth + rng.uniform(1.5, 6) * mesh.diagonal - depth.mean()
     return np.asarray(camera_errors(distance, mesh, deviation, rng=rng)[:, None] * toward)
 
 
 def laser_displacements(mesh: Mesh, deviation: float, rng: np.random.Generator) -> Vectors:
-    """Displace the vertices of a sheet along the viewing direction, which is its mean normal.
+    """Displace the vertices of a sheet along its mean normal, or of a closed surface along a random direction.
 
     The errors of triangulating scanners grow on steep surfaces and beside jumps in depth, where only part of the laser
     stripe meets the surface. Neighbouring samples share part of the stripe (Curless, Levoy 1995). Their root mean
     square is `deviation`, in mesh units. Returns (n, 3) displacements in parallel rows.
     """
-    mean = mesh.area_vectors.sum(axis=0)
-    toward = mean / max(float(np.linalg.norm(mean)), np.finfo(float).tiny)
+    toward = _viewing_direction(mesh, rng=rng)
     means = neighbor_means(mesh)
     white = rng.normal(size=len(mesh.vertices))
     share = rng.uniform(0, MOST_WHITE)
@@ -56,6 +53,13 @@ def laser_displacements(mesh: Mesh, deviation: float, rng: np.random.Generator) 
     error *= 1 + (log_uniform(BOUNDARY_RATIO, rng=rng) - 1) * near / max(near.max(), np.finfo(float).tiny)
     error *= deviation / np.sqrt(np.mean(error**2))
     return np.asarray(error[:, None] * toward)
+
+
+def _viewing_direction(mesh: Mesh, *, rng: np.random.Generator) -> Vectors:
+    """Return the mean normal of a sheet, (3,), or a random direction for a closed surface, which has none."""
+    mean = mesh.area_vectors.sum(axis=0)
+    closed = np.linalg.norm(mean) < LEAST_FACING * mesh.area
+    return random_direction(rng=rng) if closed else unit(mean[None])[0]
 
 
 def camera_errors(distance: Values, pixels: Mesh, deviation: float, *, rng: np.random.Generator) -> Values:

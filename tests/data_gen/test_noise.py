@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import grid, icosphere
+from shapes import cube, grid, icosphere
 
 from cascadenorm.data_gen import displacements
 from cascadenorm.data_gen.meshing.lattice import sample
@@ -95,6 +95,17 @@ def test_the_error_of_a_laser_scanner_is_larger_at_the_boundary_of_a_scan():
     draws = [displacements(flat, "laser", level=0.13, rng=np.random.default_rng(seed))[:, 2] for seed in range(20)]
     ratios = [np.std(errors[boundary]) / np.std(errors[~boundary]) for errors in draws]
     assert np.min(ratios) > 0.8 and 1.3 < np.median(ratios) < 5
+
+
+@pytest.mark.parametrize("kind", ["sensor", "laser"])
+def test_a_closed_surface_is_seen_from_any_side(kind):
+    """Its mean normal is zero up to rounding, and exactly zero for a cube."""
+    box = cube(4)
+    moved = [displacements(box, kind, level=0.2, rng=np.random.default_rng(seed)) for seed in range(4)]
+    views = [errors[0] / np.linalg.norm(errors[0]) for errors in moved]
+    for errors, view in zip(moved, views, strict=True):
+        assert np.abs(np.cross(errors, view)).max() < 1e-12
+    assert np.linalg.matrix_rank(np.array(views), tol=0.1) == 3
 
 
 def test_a_depth_camera_sees_nothing_behind_itself():
