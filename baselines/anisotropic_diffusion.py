@@ -12,7 +12,7 @@ from cascadenorm.mesh import Floats, Mesh, Vectors, scatter_add, unit
 from cascadenorm.registry import Parameter, method
 
 CurvatureThreshold = Annotated[
-    float, Parameter("Curvature at which the diffusion is halved", "radians per mean edge length", above=0)
+    float, Parameter("Curvature at which the diffusion is halved", "radians per mean edge length", minimum=1e-6)
 ]
 Presmoothing = Annotated[
     float,

@@ -45,10 +45,12 @@ Regularity = Annotated[
         "Initial weight α of the regulariser of triangle shapes, which is halved in each iteration",
         "mean dihedral angle",
         minimum=0,
-        below=math.inf,
+        maximum=1e6,
     ),
 ]
-Growth = Annotated[float, Parameter("Factor by which β grows in each iteration, from 1e-3 to 1e3", minimum=1.01)]
+Growth = Annotated[
+    float, Parameter("Factor by which β grows in each iteration, from 1e-3 to 1e3", minimum=1.01, below=math.inf)
+]
 
 
 @method("l0", source="He, Schaefer 2013", family="sparsity")

@@ -28,7 +28,7 @@ def prescribed_mean_curvature(
         Parameter(
             "Change of the smoothed normals above which a vertex belongs to a crease",
             "radians per mean edge length",
-            above=0,
+            minimum=1e-6,
         ),
     ] = 0.15,
     presmoothing: Presmoothing = 1.0,

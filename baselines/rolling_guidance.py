@@ -19,7 +19,7 @@ Width = Annotated[
     float, Parameter("Width of the widest feature to remove", "mean edge lengths", minimum=0, below=math.inf)
 ]
 Jump = Annotated[
-    float, Parameter("σ, change of the guidance normals over this width that counts as an edge", "chord", above=0)
+    float, Parameter("σ, change of the guidance normals over this width that counts as an edge", "chord", minimum=1e-6)
 ]
 GuidedRounds = Annotated[
     int, Parameter("Number of filters of the input normals, each guided by the previous result", minimum=0)

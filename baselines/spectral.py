@@ -1,5 +1,6 @@
 """Filters on the manifold harmonics of a mesh: low pass, enhancement, exaggeration, any weights."""
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -35,7 +36,7 @@ def spectral(
         ),
     ] = None,
     band_end: Annotated[int | None, Parameter("First harmonic after the band. Default: none", minimum=1)] = None,
-    gain: Annotated[float, Parameter("Factor of the amplitudes", minimum=0)] = 1.5,
+    gain: Annotated[float, Parameter("Factor of the amplitudes", minimum=0, below=math.inf)] = 1.5,
     eigenpairs: Annotated[
         Literal["auto", "exact", "approximate"],
         Parameter("auto approximates the eigenpairs of more than 200,000 vertices"),
