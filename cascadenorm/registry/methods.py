@@ -190,6 +190,8 @@ def _settings(function: "Callable[..., Vectors]") -> dict[str, Setting]:
             raise TypeError(f"{function.__qualname__}: {name} must be a keyword-only parameter, after *")
         if name in RESERVED:
             raise ParameterError(f"{function.__qualname__}: {name} is a setting of denoise: rename the parameter")
+        if parameter.default is parameter.empty:
+            raise TypeError(f"{function.__qualname__}: {name} needs a default value")
         kind, about = declared(f"{function.__qualname__}: {name}", hints.get(name))
         settings[name] = Setting(name, kind, parameter.default, about)
     return settings

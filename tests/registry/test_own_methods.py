@@ -30,6 +30,14 @@ def test_a_parameter_without_a_declaration_is_refused_with_its_name(registered):
             return mesh.vertices
 
 
+def test_a_parameter_without_a_default_is_refused_with_its_name(registered):
+    with pytest.raises(TypeError, match="mine: rounds needs a default value"):
+
+        @registered
+        def mine(mesh, *, rounds: Annotated[int, Parameter("Number of rounds")]):
+            return mesh.vertices
+
+
 def test_a_parameter_that_is_not_keyword_only_is_refused_with_its_name(registered):
     with pytest.raises(TypeError, match="mine: rounds must be a keyword-only parameter"):
 
