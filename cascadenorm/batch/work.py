@@ -247,8 +247,12 @@ def _check_target(settings: BatchSettings, task: Task) -> None:
 
 
 def _may_replace(task: Task) -> bool:
-    """Test whether the result and the copies beside it may be replaced, after their check."""
-    return _is_ours(task) or (task.line is not None and not _exists(task.job.output))
+    """Test whether the result and the files beside it may be replaced, after their check.
+
+    If a missing result was never complete, the files may belong to another result, such as a buffer that both use.
+    """
+    deleted = task.line is not None and task.line["output_sha256"] is not None and not _exists(task.job.output)
+    return deleted or _is_ours(task)
 
 
 def _is_ours(task: Task) -> bool:

@@ -1,9 +1,12 @@
 """Materials and textures of the meshes of a batch: their copies beside the results follow their sources."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from batches import BALL, FAST, lines
+from gltfs import VEC3
 from shapes import noisy
 
 from cascadenorm.batch import batch
@@ -156,3 +159,31 @@ def test_a_scene_uses_the_results_of_the_layers_that_it_references(larger, place
     again = denoise_files("scans", "out", method="laplacian", workers=1)
     assert [line["output"] for line in again.lines if line["status"] == "done"] == ["scene.usda"]
     assert copy("part.usda") == result
+
+
+def test_a_buffer_of_another_result_is_not_replaced(place, monkeypatch, capsys):
+    """The vertices of ball.gltf move into a new ball.bin; flat.gltf uses ball.bin, and its triangle does not move."""
+    monkeypatch.setattr(batch, "LocalProcesses", InThisProcess)
+    (place / "scans").mkdir()
+    ball = noisy(BALL, 0.2)
+    data = [ball.vertices.astype("<f4").tobytes(), ball.faces.astype("<u2").tobytes(), np.eye(3, dtype="<f4").tobytes()]
+    replace("ball.bin", b"".join(data))
+    ends = np.cumsum([0, *map(len, data)]).tolist()
+    views = [{"buffer": 0, "byteOffset": at, "byteLength": len(part)} for at, part in zip(ends, data, strict=False)]
+    accessors = [
+        {"bufferView": 0, **VEC3, "count": len(ball.vertices)},
+        {"bufferView": 1, "componentType": 5123, "type": "SCALAR", "count": ball.faces.size},
+        {"bufferView": 2, **VEC3, "count": 3},
+    ]
+    primitives = {"ball": {"attributes": {"POSITION": 0}, "indices": 1}, "flat": {"attributes": {"POSITION": 2}}}
+    for name, primitive in primitives.items():
+        document = {"asset": {"version": "2.0"}, "meshes": [{"primitives": [primitive]}], "accessors": accessors}
+        document |= {"bufferViews": views, "buffers": [{"uri": "ball.bin", "byteLength": ends[-1]}]}
+        replace(f"{name}.gltf", json.dumps(document).encode())  # the larger document, ball.gltf, is denoised first
+    words = ["batch", "scans", "-o", "out", "--method", "bilateral-normal", "--workers", "1"]
+    assert run(words) == 6
+    moved = copy("ball.bin")
+    assert moved != b"".join(data) and run(words) == 6 and copy("ball.bin") == moved
+    assert capsys.readouterr().err.count("ball.bin exists already and differs from the referenced file") == 2
+    Path("out", "ball.gltf").unlink()
+    assert run(words) == 6 and copy("ball.bin") == moved and Path("out", "ball.gltf").exists()
