@@ -166,7 +166,8 @@ class Recipe(NamedTuple):
 
 def command_line(done: DenoisingSummary | Recipe) -> str:
     """Return the command that reproduces the file."""
-    words = ["cascadenorm", "denoise", done.source, "-o", done.output, "--method", done.method]
+    source = f"./{done.source}" if done.source.startswith("-") else done.source  # otherwise it is taken for an option
+    words = ["cascadenorm", "denoise", source, "-o", done.output, "--method", done.method]
     parameters = {name: value for name, value in done.parameters.items() if name != "model"}
     words += [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
     if "model" in done.parameters:

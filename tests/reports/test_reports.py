@@ -347,6 +347,15 @@ def test_what_was_welded_and_dropped_before_is_made_again(place, monkeypatch):
     assert python_call(done.summary).endswith("weld='0.001 edges', drop_components='1%')")
 
 
+def test_a_file_name_that_begins_with_a_hyphen_is_no_option_of_the_command(place):
+    (place / "rough.ply").rename("-h rough.ply")
+    done = denoise_file_with_meshes("-h rough.ply", "-h smooth.ply", method="laplacian")
+    result = place / "-h smooth.ply"
+    first = result.read_bytes()
+    result.unlink()
+    assert run(shlex.split(command_line(done.summary))[1:]) == 0 and result.read_bytes() == first
+
+
 def test_learned_methods_name_the_digest_of_their_weights(place):
     denoised = denoise_file_with_meshes("rough.ply", "out.ply", method="laplacian")
     report_denoised("plain.html", denoised)
