@@ -1,5 +1,6 @@
 """Read training pairs from files, or generate them and write them to files."""
 
+import os
 from functools import partial
 from importlib.util import find_spec
 from os import PathLike
@@ -69,7 +70,7 @@ def _mesh_files(places: Paths) -> list[Path]:
     files = []
     for place in paths_of(places):
         found = [place]
-        if place.is_dir():
+        if os.path.isdir(place):
             found = sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
         if not found:
             raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
@@ -99,8 +100,9 @@ def write_pairs(
     if find_spec("skimage") is None:
         raise MissingDependencyError("generating data", package="skimage", extra="train")
     folder = Path(folder)
-    if folder.is_dir() and any(folder.iterdir()) and not force:
-        raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
+    with explained_writing(folder):
+        if folder.is_dir() and any(folder.iterdir()) and not force:
+            raise OutputError(f"{folder} is not empty", hint="give another folder", remedy=("force", True))
     config = DatasetConfig(count=count, seed=seed)
     with explained_writing(folder), use_cluster(scheduler, workers=workers, folder=None):
         make_folder(folder)

@@ -231,7 +231,7 @@ def _digest(name: str, task: Task) -> str:
 
 
 def _exists(name: str) -> bool:
-    return exists(name) if is_url(name) else Path(name).is_file()
+    return exists(name) if is_url(name) else os.path.isfile(name)
 
 
 def _check_target(settings: BatchSettings, task: Task) -> None:
@@ -240,7 +240,7 @@ def _check_target(settings: BatchSettings, task: Task) -> None:
     if is_url(output):
         if exists(output) and not settings.force and not _is_ours(task):
             raise OutputError(f"{output} exists already", hint="choose another name", remedy=("force", True))
-    elif Path(output).exists():
+    elif os.path.exists(output):
         if os.path.realpath(output) == os.path.realpath(task.job.source):
             raise OutputError(f"{output} is a link to {task.job.source}", hint="remove it, or choose another folder")
         check_output(Path(output), force=settings.force or _is_ours(task))

@@ -1,6 +1,7 @@
 """Run methods on pairs of noisy and clean meshes and measure the results."""
 
 import math
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -276,7 +277,7 @@ def _check_names(names: Sequence[str], methods: Sequence[str]) -> None:
 def _check_results(places: Mapping[str, Path], pairs: Sequence[FilePair]) -> None:
     """Reject missing folders of results, and pairs that cannot be distinguished by name."""
     for place in places.values():
-        if not place.is_dir():
+        if not os.path.isdir(place):
             raise ReadError(f"{place} is not a folder: give one that holds a mesh <pair>.* for each pair")
         twice = [pair.name for pair in pairs if Path(pair.name).name != pair.name]
         if twice:

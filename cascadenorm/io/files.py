@@ -247,7 +247,7 @@ def check_extension(source: Source, target: str | os.PathLike[str]) -> None:
 
 def beside(source: Path, what: str) -> Path:
     """Return `<stem>_<what><suffix>` beside a mesh file. Raises ReadError for a folder, OutputError for a pipe."""
-    if source.is_dir():
+    if os.path.isdir(source):  # not is_dir, which raises PermissionError in a folder that cannot be searched
         raise ReadError(f"{source} is a folder", hint="give the name of a mesh file in it")
     if is_special(source):
         raise OutputError(f"{source} is a pipe or a device, which has no folder for the output", hint="give an output")

@@ -1,5 +1,6 @@
 """Folders with noisy/clean pairs of mesh files."""
 
+import os
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -23,7 +24,7 @@ def find_pairs(folders: Paths) -> list[FilePair]:
     """List each pair `noisy.*` + `clean.*` in folders and their direct subfolders. Raises ReadError."""
     known: dict[Path, FilePair] = {}
     for folder in paths_of(folders):
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
         found = [pair for place in (folder, *sorted(folder.iterdir())) if (pair := _pair(place))]
         if not found:

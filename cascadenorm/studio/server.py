@@ -1,6 +1,7 @@
 """The server of the studio, on the loopback interface, for the studio's own page only."""
 
 import asyncio
+import os
 import secrets
 import socket
 import webbrowser
@@ -87,11 +88,12 @@ async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:
 def _check_file(path: Path, most: float) -> None:
     """Raise the errors of `denoise` for a file that is too large or no mesh; the page isolates invalid vertices."""
     from cascadenorm import io  # here: loads the numerical packages
+    from cascadenorm.io.atomic import is_special
     from cascadenorm.io.interop import mesh_of_file
 
-    if path.is_file():
+    if os.path.isfile(path):
         check_size(str(path), path.stat().st_size, most, most)
-    elif path.exists() and not path.is_dir():
+    elif is_special(path):
         raise ReadError(f"{path} is a pipe or a device", hint="give the name of a mesh file")
     file = io.read(path)
     if not len(file.polygons):

@@ -398,3 +398,22 @@ def test_python_does_not_search_for_garbage_while_libraries_load():
 
 def test_lack_of_memory_is_not_blamed_on_a_mesh():
     assert worded(MemoryError()) == "there is not enough memory"  # as for `render --size 100000`
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["denoise", f"{LONG}.ply"], 5),
+        (["fill-holes", f"{LONG}.ply"], 5),
+        (["studio", "--no-browser", f"{LONG}.ply"], 3),
+        (["generate", LONG], 5),
+        (["evaluate", LONG], 3),
+        (["train", "--noisy", LONG], 3),
+        (["train", "--shapes", LONG], 3),
+    ],
+    ids=lambda value: " ".join(value)[:15] if isinstance(value, list) else "",
+)
+def test_a_name_that_the_system_rejects_is_no_fault_of_the_program(words, code, place, capsys):
+    assert run(words) == code
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1 and "please report it" not in message
