@@ -464,8 +464,8 @@ def test_inspect_and_denoise_tell_the_same_error_where_regions_share_walls(tmp_p
 
 
 def test_regions_that_share_walls_are_treated_as_their_surfaces_are():
-    found = walls("half balls", voxel=0.2)
-    mesh = noisy(found.mesh, 0.03)
+    found = walls("cube in cube", voxel=0.25)
+    mesh = noisy(found.mesh, 0.01)
     each = [inspect(found._replace(mesh=mesh).region(label)) for label in range(3)]
     kinds, faces = [one.treated_as.treatment for one in each], [one.faces for one in each]
     told = inspect(mesh).treated_as
