@@ -188,6 +188,16 @@ def test_faces_that_repeat_a_vertex_close_no_hole():
     np.testing.assert_array_equal(found.faces[-10:], expected.faces[-10:])
 
 
+@pytest.mark.parametrize("corners", [(0, 1, 2), (2, 1, 0)])
+def test_faces_that_repeat_others_close_no_hole(corners):
+    ball = without_cap(2, 0.8)
+    at_rim = ball.topology.boundary_vertices[ball.faces].sum(axis=1) == 2
+    doubled = Mesh(ball.vertices, [*ball.faces, *ball.faces[at_rim][:3, corners]])
+    patch = fill_holes(ball).faces[len(ball.faces) :]
+    np.testing.assert_array_equal(fill_holes(doubled).faces[len(doubled.faces) :], patch)
+    assert len(patch) > 0
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_the_outer_boundary_of_a_small_surface_is_kept(size):
     sheet = grid(size, size)
