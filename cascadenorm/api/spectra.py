@@ -7,7 +7,7 @@ import numpy as np
 
 from cascadenorm.geometry.spectra.harmonics import Scale, shape_dna
 from cascadenorm.io.interop import as_mesh
-from cascadenorm.mesh import Floats, without_lines, without_repeated_faces
+from cascadenorm.mesh import Floats
 
 EIGENVALUE_COUNT = 50
 
@@ -64,4 +64,4 @@ def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, sca
 
 
 def _values(source: Any, count: int, scale: Scale) -> Floats:
-    return shape_dna(without_repeated_faces(without_lines(as_mesh(source))), count, scale=scale)
+    return shape_dna(as_mesh(source), count, scale=scale)

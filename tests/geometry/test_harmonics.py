@@ -143,3 +143,11 @@ def test_what_cannot_be_told_apart_is_refused(monkeypatch):
     monkeypatch.setattr(harmonics, "DENSE", 0)
     with pytest.raises(ParameterError, match="request fewer"):
         manifold_harmonics(icosphere(3), 100)
+
+
+@pytest.mark.parametrize("lowest", [manifold_harmonics, partial(fast_harmonics, samples=200), shape_dna])
+def test_repeated_faces_and_faces_that_repeat_a_vertex_do_not_count(lowest):
+    ball = noisy(icosphere(3), 0.1)
+    doubled = Mesh(ball.vertices, [*ball.faces, *ball.faces[:90, ::-1], (0, 1, 0)])
+    found, expected = (np.atleast_2d(getattr(one, "values", one)) for one in (lowest(doubled, 9), lowest(ball, 9)))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
