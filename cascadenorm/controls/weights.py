@@ -69,6 +69,12 @@ def _selected(name: str, given: NDArray[Any], count: int, one: str, several: str
         raise ParameterError(
             f"references {one} {given[bad][0]}; there are {count} {several}, counted from 0", parameter=name
         )
+    if count > 2 and given.shape == (count,) and given.max() <= 1:
+        raise ParameterError(
+            f"has a 0 or 1 for each of the {count} {several}, but integers are indices of {several}",
+            parameter=name,
+            hint="convert a mask to bool",
+        )
     selected = np.zeros(count, bool)
     selected[given.astype(np.int64)] = True
     return selected

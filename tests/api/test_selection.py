@@ -294,6 +294,8 @@ def test_gltf_faces_have_meshes_and_materials(tmp_path):
         ({"creases": "-3"}, "creases is -3.0; an angle"),
         ({"only": [0.5]}, r"only has shape \(1,\) and type float64; it must be \(320,\) bool or indices of faces"),
         ({"only": [400]}, "only references face 400; there are 320 faces"),
+        ({"only": [0, 1] * 160}, "only has a 0 or 1 for each of the 320 faces, but integers are indices of faces"),
+        ({"fixed": np.ones(162, np.uint8)}, "fixed has a 0 or 1 for each of the 162 vertices.* convert a mask to bool"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_reason(ball, tmp_path, controls, message):
