@@ -64,6 +64,11 @@ class Browser:
     def one(self, selector: str):
         return self.driver.find_element("css selector", selector)
 
+    def press_button(self, text: str) -> None:
+        buttons = self.driver.find_elements("css selector", "button")
+        next(button for button in buttons if button.text == text and button.is_displayed()).click()
+        self.settle()
+
     def canvas(self) -> np.ndarray:
         """The pixels of the canvas with what lies over it, (height, width, 3)."""
         return self.pixels(".stage")

@@ -37,6 +37,16 @@ def cluster(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def browser():
+    """A browser for reports."""
+    from report_pages import ReportBrowser  # needs selenium
+
+    opened = ReportBrowser()
+    yield opened
+    opened.driver.quit()
+
+
+@pytest.fixture(scope="module")
 def page():
     """A browser for the pages of studios."""
     from studio_pages import Page  # needs selenium

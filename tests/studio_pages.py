@@ -76,11 +76,6 @@ class Page(Browser):
             value,
         )
 
-    def press_button(self, text):
-        buttons = self.driver.find_elements("css selector", "button")
-        next(button for button in buttons if button.text == text and button.is_displayed()).click()
-        self.settle()
-
     def said(self, selector, pattern):
         """Wait until a text is there."""
         text = "return document.querySelector(arguments[0]).innerText"

@@ -7,9 +7,9 @@ from base64 import b64decode
 
 import numpy as np
 import pytest
+from browsers import Browser, needs_browser
 from PIL import Image
 from shapes import cube, grid, icosphere, noisy
-from test_viewer import Browser, needs_browser
 
 import cascadenorm as cn
 from cascadenorm.io.interop import save_mesh

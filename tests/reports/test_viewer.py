@@ -1,22 +1,18 @@
 """The viewer of reports in a real browser, and that its bundle is what its sources give."""
 
 import re
-import shlex
 import shutil
 import subprocess
-import time
 from pathlib import Path
-from urllib.parse import parse_qsl
 
 import numpy as np
 import pytest
-from browsers import Browser, needs_browser, webdriver
-from PIL import Image
-from shapes import grid, icosphere, noisy
+from browsers import needs_browser, webdriver
+from report_pages import CLEAN, FACE_ON, ROUGH, ReportBrowser, same_pixels
+from shapes import grid, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.api import denoise_file_with_meshes
-from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 from cascadenorm.reports import report_denoised
@@ -24,14 +20,6 @@ from cascadenorm.reports import report_denoised
 ROOT = Path(__file__).parents[2]
 VIEWER = ROOT / "viewer"
 NPM = shutil.which("npm")
-
-CLEAN = icosphere(3)
-ROUGH = noisy(CLEAN, 0.2)
-FACE_ON = "view=0,0,1,0,0,0,3.2"
-"""A camera in front of the middle of the mesh."""
-
-
-# the bundle
 
 
 @pytest.mark.skipif(NPM is None or not (VIEWER / "node_modules").is_dir(), reason="npm ci has not been run in viewer/")
@@ -51,52 +39,6 @@ def test_the_bundle_is_small_names_its_licences_and_does_not_end_its_element():
     assert "</script" not in bundle.lower() and "<!--" not in bundle
 
 
-# in a browser
-
-
-class ReportBrowser(Browser):
-    """A browser on a report."""
-
-    def open(self, report: Path, view: str = FACE_ON) -> float:
-        """Open a report, wait until its meshes can be turned, and return how many seconds that took."""
-        self.driver.get("about:blank")
-        start = time.perf_counter()
-        self.driver.get(f"{report.as_uri()}#{view}")
-        while not self.js("return document.getElementById('viewer').dataset.state"):
-            time.sleep(0.02)
-        self.settle()
-        return time.perf_counter() - start
-
-    def click(self, x: int, y: int) -> dict[str, str]:
-        """Click a point of the canvas; what is said of the face there."""
-        canvas = self.one("canvas")
-        self.js("arguments[0].scrollIntoView({block: 'center'})", canvas)
-        box = canvas.rect
-        action = webdriver.ActionChains(self.driver)
-        action.move_to_element_with_offset(canvas, x - int(box["width"] / 2), y - int(box["height"] / 2)).click()
-        action.perform()
-        self.settle()
-        return self.js(
-            "return Object.fromEntries([...document.querySelectorAll('.figures dt')]"
-            ".map(e => [e.textContent, e.nextSibling.textContent]))"
-        )
-
-    def press(self, keys: str) -> None:
-        self.one("canvas").send_keys(keys)
-        self.settle()
-
-    def state(self) -> dict[str, str]:
-        """The view as the address holds it."""
-        return dict(parse_qsl(self.address(), keep_blank_values=True))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    opened = ReportBrowser()
-    yield opened
-    opened.driver.quit()
-
-
 @pytest.fixture(scope="module")
 def report(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("report")
@@ -105,10 +47,6 @@ def report(tmp_path_factory) -> Path:
     save_mesh(folder / "after.ply", result)
     cn.report(folder / "r.html", folder / "before.ply", folder / "after.ply", truth=CLEAN)
     return folder / "r.html"
-
-
-def same_pixels(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return (np.abs(first - second) <= 2).all(axis=2)
 
 
 @needs_browser
@@ -376,42 +314,6 @@ def test_side_by_side_the_whole_mesh_is_seen(browser, report, size):
         assert drawn.mean() > 0.1
         for edge in (drawn[:, :2], drawn[:, -2:], drawn[:2], drawn[-2:]):
             assert not edge.any()
-
-
-@needs_browser
-@pytest.mark.parametrize("up", ["y", "z"])
-def test_the_view_is_copied_as_a_command_that_draws_it(browser, tmp_path, monkeypatch, up):
-    """The mesh covers the same pixels, and a face has the same colour."""
-    far = np.array([50.0, -20.0, 7.0])
-    for name, mesh in (("before", ROUGH), ("true", CLEAN)):
-        save_mesh(tmp_path / f"{name}.ply", mesh.moved(8 * mesh.vertices + far))
-    cn.report(tmp_path / "r.html", tmp_path / "before.ply", truth=tmp_path / "true.ply")
-    state = "mode=one&left=mesh&light=clay&color=normal-error&limits=0,40&view=0.6,0.2,0.8,0.1,0.05,0,1.9"
-    browser.open(tmp_path / "r.html", f"{state}&up={up}")
-    canvas = browser.canvas()
-    height, width, _ = canvas.shape
-    browser.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
-    buttons = browser.driver.find_elements("css selector", ".buttons button")
-    next(button for button in buttons if "command" in button.text).click()
-    browser.settle()
-    command = shlex.split(browser.one(".panel code").text)
-    monkeypatch.chdir(tmp_path)
-    assert command[:2] == ["cascadenorm", "render"]
-    assert {"--values=normal-error", "--limits=0,40"} <= set(command)
-    assert ("--up=z" in command) == (up == "z")
-    assert run([*command[1:], "--size", str(height)]) == 0
-    with Image.open(tmp_path / "view.png") as picture:
-        drawn = np.asarray(picture.convert("RGB")).astype(int)[:height, :height]
-    left = (width - height) // 2
-    seen = canvas[:, left : left + height]
-    covered = np.abs(drawn - 255).max(axis=2) > 10
-    background = (np.abs(seen - seen[-1, 2]) < 4).all(axis=2)
-    names = 45
-    assert 0.2 < covered.mean() < 0.95
-    assert (covered[names:] == ~background[names:]).mean() > 0.985
-    both = covered & ~background
-    both[:names] = False
-    assert np.median(np.abs(drawn - seen)[both]) <= 3
 
 
 @needs_browser

@@ -83,7 +83,10 @@ export function fromHash(hash: string, state: State, surfaces: string[], colors:
 
 // The command that draws the same surfaces from the same place; the view is in the unit of the files.
 export function renderCommand(files: string[], view: View, state: State, reference: string | null): string {
-  const quoted = (file: string) => (/^[\w@%+=:,./-]+$/.test(file) ? file : `'${file.replaceAll("'", "'\"'\"'")}'`);
+  const quoted = (file: string) => {
+    const path = file.startsWith("-") ? `./${file}` : file; // otherwise it is taken for an option
+    return /^[\w@%+=:,./-]+$/.test(path) ? path : `'${path.replaceAll("'", "'\"'\"'")}'`;
+  };
   const row = (values: number[]) => values.map(digits).join(",");
   const words = ["cascadenorm render", ...files.map(quoted), "-o view.png"];
   words.push(`--view=${row(view.from)}`, `--target=${view.target.join(",")}`, `--distance=${digits(view.distance)}`);
