@@ -133,6 +133,7 @@ class Application:
         if not isinstance(names, list) or not names:
             raise ParameterError("the request names no file")
         paths = [self._uploads.path(drop, name) for name in names]
+        self._session.cancel()  # the worker handles one request at a time
         path = paths[await self._session.ask("which", names=[path.name for path in paths])]
         if not path.is_file():
             raise ReadError(f"{path.name} was not received", hint="drop it again")

@@ -162,6 +162,11 @@ export class Api {
 
   // Open one of the files; the others may belong to it.
   async drop(files: File[]): Promise<void> {
+    for (const file of files) {
+      await file.slice(0, 1).arrayBuffer().catch(() => {
+        throw new Refused(`${file.name} cannot be read. If it is a folder, open the files in it.`);
+      });
+    }
     const { drop } = await this.json<{ drop: number }>("POST", "drop", {});
     for (const file of files) await this.asked("POST", `drop/${drop}?name=${encodeURIComponent(file.name)}`, file);
     await this.json("POST", "open", { drop, names: files.map(({ name }) => name) });

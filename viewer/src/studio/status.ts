@@ -52,7 +52,8 @@ export class Status {
   }
 
   cancelled(): void {
-    this.say("Cancelled. The result shown was made with other settings.");
+    if (this.failed.hidden) this.say("Cancelled. The result shown was made with other settings.");
+    this.work.hidden = true;
     this.again.hidden = false;
   }
 
@@ -62,7 +63,9 @@ export class Status {
   }
 
   fail(text: string): void {
+    const { hidden } = this.again; // work that was cancelled, for a file that cannot be opened, can be started again
     this.say("");
+    this.again.hidden = hidden;
     this.failed.hidden = false;
     this.failed.textContent = text;
   }
