@@ -247,6 +247,9 @@ class GmshFile(MeshioFile):
 
 ELEMENTS = re.compile(rb"^(\*ELEMENT\b[^\r\n]*?\bTYPE[ \t]*=[ \t]*)(\w+)", re.M | re.I)
 """A line of an Abaqus file that begins elements, up to their type."""
+GENERATED = re.compile(rb"^\*\w+[^\r\n]*\bGENERATE\b[^\r\n]*[\r\n][\s,]*(\d+)[\s,]+(\d+)[\s,]+(\d+)", re.M | re.I)
+"""A set of an Abaqus file whose members are given by the first one, the last one and the step between them."""
+MEMBER = 40  # bytes that meshio needs for a member of a set
 
 
 class AbaqusFile(MeshioFile):
@@ -263,6 +266,9 @@ class AbaqusFile(MeshioFile):
     def _load(self) -> Any:
         if re.search(rb"^\*include\b", self.data, re.M | re.I):
             raise ReadError("this Abaqus file includes other files, which are not read: put their content into it")
+        ranges = ((float(first), float(last), float(step)) for first, last, step in GENERATED.findall(self.data))
+        members = sum(max(last - first, 0) / max(step, 1) + 1 for first, last, step in ranges)
+        check_expansion(MEMBER * members, len(self.data), "the sets of this file")
         return super()._load()
 
     def _moved_pieces(self) -> Iterable[Piece]:

@@ -109,6 +109,11 @@ CASES = {
         b"# vtk DataFile Version 4.2\nt\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 9999 9999 1\nORIGIN 0 0 0\n"
         b"SPACING 1 1 1\n",
     ),
+    "the range of a set": (
+        "inp",
+        b"*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n*ELEMENT, TYPE=S3\n1, 1, 2, 3\n"
+        b"*ELSET, ELSET=all, GENERATE\n1, 5000000, 1\n",
+    ),
 }
 
 
@@ -127,6 +132,7 @@ def test_what_is_announced_is_held_against_the_size_of_the_file(name, tmp_path):
 def test_the_same_files_are_read_where_they_announce_what_they_hold(tmp_path):
     item = '<item objectid="1"/>'
     sound = {"dae": COLLADA % "3", "3mf": archive(MODEL % item), "vtu": grid(10), "gltf": instances(3)}
+    sound["inp"] = CASES["the range of a set"][1].replace(b"5000000", b"1")
     for extension, data in sound.items():
         path = tmp_path / f"a.{extension}"
         path.write_bytes(data if isinstance(data, bytes) else data.encode())
