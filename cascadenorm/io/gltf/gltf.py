@@ -54,7 +54,8 @@ def _said(error: Exception) -> str:
         return "a number refers to an entry that does not exist"
     if isinstance(error, RecursionError):
         return "its objects are nested too deeply"
-    return f"an entry has the wrong type or size ({error})" if isinstance(error, TypeError) else str(error)
+    is_type = isinstance(error, TypeError | AttributeError)
+    return f"an entry has the wrong type or size ({error})" if is_type else str(error)
 
 
 _explained = partial(explained, "the JSON of this file is not valid glTF 2", hint="export the file again", said=_said)
