@@ -62,6 +62,8 @@ BEGINNINGS = {
 }
 """Formats by the first bytes of a file."""
 
+GZIP = b"\x1f\x8b\x08"  # first bytes of a file that gzip has compressed
+
 Source = str | os.PathLike[str] | BinaryIO
 
 
@@ -94,6 +96,8 @@ def read(source: Source, format: str | None = None) -> MeshFile:
         data = data.removeprefix(mark)
         if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and not is_binary_stl(data):
             raise ReadError("the file is text in UTF-16, which is not supported: save it as UTF-8")
+        if data.startswith(GZIP) and not is_binary_stl(data):
+            raise ReadError("the file is compressed by gzip: unpack it first")
         chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):

@@ -1,6 +1,7 @@
 """Opening and writing files: names, streams, errors, and files that are whole or absent."""
 
 import codecs
+import gzip
 import io as streams
 import os
 import stat
@@ -69,6 +70,7 @@ def test_arrays_are_written_as_a_ply_file_of_them_is(kind, format):
         (b"\n\n", "not a supported mesh format"),
         (b"just some text\n", "not a supported mesh format"),
         (OBJ.decode().encode("utf-16"), "UTF-16, which is not supported: save it as UTF-8"),
+        (gzip.compress(PLY_TEXT), "compressed by gzip: unpack it first"),
         (PLY_TEXT[:300], "end_header|truncated"),
         (PLY_TEXT.replace(b"vertex 5", b"vertex 1000000000000"), "1000000000000 rows of 'vertex'.*truncated"),
         (PLY_TEXT.replace(b"face 3", b"face 999999999999"), "999999999999 rows of 'face'"),

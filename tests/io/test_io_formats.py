@@ -275,7 +275,7 @@ def test_an_obj_is_known_however_it_is_spaced(change):
     assert read(data.replace(*change)).format == "obj"
 
 
-@pytest.mark.parametrize("content", [b"<!DOCTYPE html>\n<p>v 1 2 3</p>\n", b"\x1f\x8b\x08\x00", b"hello\n", b"# v\n"])
+@pytest.mark.parametrize("content", [b"<!DOCTYPE html>\n<p>v 1 2 3</p>\n", b"\x89PNG\r\n", b"hello\n", b"# v\n"])
 def test_what_is_no_obj_is_refused(content):
     with pytest.raises(io.ReadError, match="not an OBJ file"):
         read(content, "obj")
