@@ -13,6 +13,8 @@ if sys.platform != "win32":
     import fcntl
 
 MANIFEST_NAME = "manifest.jsonl"
+REQUIRED = {"status", "input_sha256", "output", "output_sha256", "copies", "settings", "error"}
+"""Keys of a line that a later batch reads."""
 
 Line = dict[str, Any]
 
@@ -74,5 +76,5 @@ def _parsed(text: bytes) -> Line | None:
         line = json.loads(text)
     except ValueError:
         return None
-    valid = isinstance(line, dict) and all(isinstance(line.get(key), str) for key in ("output", "status"))
+    valid = isinstance(line, dict) and line.keys() >= REQUIRED and isinstance(line["output"], str)
     return line if valid else None

@@ -1,21 +1,29 @@
 """The manifest of a batch, and the digest of its settings."""
 
+import json
+
 import numpy as np
 import pytest
 
-from cascadenorm.batch.manifest import MANIFEST_NAME, Manifest
+from cascadenorm.batch.manifest import MANIFEST_NAME, REQUIRED, Manifest
 from cascadenorm.batch.work import batch_settings
 from cascadenorm.errors import OutputError, ParameterError
 from cascadenorm.registry import find
 
 
+def line(output):
+    return {**dict.fromkeys(REQUIRED), "output": output, "status": "done"}
+
+
 def test_half_a_line_does_not_count_and_the_next_is_whole(tmp_path):
-    (tmp_path / "manifest.jsonl").write_text('{"output": "a", "status": "done"}\n[1]\n{"output": "b", "sta', "utf-8")
+    lacking = '{"output": "d", "status": "done"}'  # as another version may have written it
+    text = f'{json.dumps(line("a"))}\n[1]\n{lacking}\n{{"output": "b", "sta'
+    (tmp_path / "manifest.jsonl").write_text(text, "utf-8")
     manifest = Manifest(tmp_path / MANIFEST_NAME)
     assert set(manifest.last) == {"a"}
     with pytest.raises(OutputError, match="another batch is writing"):
         Manifest(tmp_path / MANIFEST_NAME)
-    manifest.add({"output": "c", "status": "done"})
+    manifest.add(line("c"))
     manifest.close()
     again = Manifest(tmp_path / MANIFEST_NAME)
     assert set(again.last) == {"a", "c"}
