@@ -129,6 +129,28 @@ def test_whole_number_positions_can_move_between_whole_numbers():
         assert moved.content().vertex_values["tag"].tolist() == [7, 8, 9]
 
 
+@pytest.mark.parametrize(("kind", "one", "new"), [("char", 127, 90), ("short", 32767, 23170), ("uchar", 255, None)])
+@pytest.mark.parametrize("encoding", ["ascii", "binary_big_endian"])
+def test_normals_in_whole_numbers_keep_their_scale(kind, one, new, encoding):
+    properties = "".join(f"property {kind} n{axis}\n" for axis in "xyz")
+    header = f"ply\nformat {encoding} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += f"{properties}element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], float)
+    if encoding == "ascii":
+        body = b"".join(b"%d %d %d 0 0 %d\n" % (*row, one) for row in corners.tolist()) + b"3 0 1 2\n"
+    else:
+        table = np.zeros(3, [("place", ">f4", 3), ("normal", {"char": ">i1", "short": ">i2", "uchar": ">u1"}[kind], 3)])
+        table["place"], table["normal"][:, 2] = corners, one
+        body = table.tobytes() + b"\3" + np.arange(3, dtype=">i4").tobytes()
+    corners[1, 2] = 1  # the normal is now (-1, 0, 1) / sqrt(2)
+    moved = written(read(header.encode() + body).with_vertices(corners))
+    values = read(moved).content().vertex_values
+    normals = np.stack([values[name] for name in ("nx", "ny", "nz")], axis=1)
+    assert normals.tolist() == [[0, 0, one] if new is None else [-new, 0, new]] * 3
+    if encoding == "ascii":
+        assert [list(map(int, row.split()[3:])) for row in moved.splitlines()[-4:-1]] == normals.tolist()
+
+
 def chunks(data: bytes) -> dict[bytes, bytes]:
     found, at = {}, 12
     while at < len(data):

@@ -151,9 +151,16 @@ class PlyFile(MeshFile):
         corners = {"vertex": self.triangles, "face": of_faces}
         for element, used in corners.items():
             values = self._read(element, NORMAL)
-            if values is not None:
-                normals, renewed = self._renewed(Normals(values, used))
-                replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
+            if values is None:
+                continue
+            kind = np.dtype(self._columns[element, "nx"].declared.kind)
+            if kind.kind == "u":  # what stands for 0 is not known
+                continue
+            normals, renewed = self._renewed(Normals(values, used))
+            if kind.kind == "i":  # the length of a stored normal stands for 1
+                lengths = np.linalg.norm(values.astype(np.float64), axis=1, keepdims=True)
+                normals = np.rint(normals * np.minimum(lengths, np.iinfo(kind).max))
+            replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
         if self._text is not None:
             return self._spliced(self._text, replaced)
         body = np.frombuffer(self._body, np.uint8).copy()
@@ -190,7 +197,8 @@ class PlyFile(MeshFile):
             for axis, name in enumerate(names):
                 column = self._columns[element, name]
                 words = np.asarray(column.offsets)[chosen[:, axis]] // WORD
-                kind = np.float32 if column.declared.kind == "f4" and values.dtype != np.float64 else np.float64
+                single = column.declared.kind == "f4" and values.dtype != np.float64
+                kind = np.int64 if column.declared.kind[0] != "f" else np.float32 if single else np.float64
                 tables.append((words, values[chosen[:, axis], axis].astype(kind)))
         return replace_words(text, *tables)
 
