@@ -108,6 +108,18 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
 
 
 @needs_browser
+def test_the_copied_command_draws_the_mesh_without_paint_which_no_file_has(page, named, tmp_path, monkeypatch):
+    page.at(named).wait()
+    page.js("location.hash = 'mode=one&left=before'")
+    page.settle()
+    page.js("document.querySelector('.painting input[value=pin]').click()")
+    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
+    page.press_button("Copy view as command line")
+    monkeypatch.chdir(tmp_path)
+    assert run(shlex.split(page.one(".panel code").text)[1:]) == 0 and (tmp_path / "view.png").exists()
+
+
+@needs_browser
 def test_a_page_that_is_loaded_again_keeps_its_paint_and_its_result(page, named):
     page.at(named).wait()
     page.js("document.querySelector('.painting input[value=pin]').click()")

@@ -184,7 +184,8 @@ export class Panel {
       const { from, target, distance } = this.stage.view();
       const { center, size } = this.model;
       const there = target.map((value, axis) => Number((value * size + center[axis]).toPrecision(9)));
-      return renderCommand(files(), { from, target: there, distance: distance * size }, this.state, reference);
+      const state = this.stage.field?.pinned ? { ...this.state, color: "" } : this.state; // no file has the paint
+      return renderCommand(files(), { from, target: there, distance: distance * size }, state, reference);
     };
     const unsaved = () => {
       const last = this.model.surfaces[this.model.surfaces.length - 1].file;
