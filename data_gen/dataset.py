@@ -39,6 +39,7 @@ CLEAN_SHARES: dict[ErrorPart, float] = {
 """Share of the meshes without noise, as modelling programs export them, if the noise kinds include "none"."""
 CLEAN_RELIEF = 0.6  # share of the meshes with relief that have no noise
 RELIEF_LEVELS = 0.02, 0.3  # level of the white noise on the other meshes with relief
+STRONGEST = 1.5  # largest level of volumes and point clouds, as a multiple of the largest level of noise
 ATTEMPTS = 400  # shapes drawn per index before giving up; few faces with a large error rarely give a valid shape
 
 OWN_FAMILY = "own"  # stands for the family of meshes that were not generated
@@ -70,7 +71,7 @@ class DatasetConfig:
     # no relief
     relief: float = 0.0
     # noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of their
-    # own, and half of them are drawn uniformly
+    # own, and half of them are drawn uniformly, up to STRONGEST times max_level
     min_level: float = 0.02
     max_level: float = 0.9
 
@@ -153,8 +154,8 @@ def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.
     """Draw the kind and the level of noise.
 
     Scenes that cameras see can get the noise of a depth camera. CLEAN_SHARES gives the shares of families without
-    noise. Half of the levels of volumes and point clouds are drawn uniformly and all others log-uniformly, since low
-    grain and small point errors leave a practically clean surface.
+    noise. Half of the levels of volumes and point clouds are drawn uniformly, since low grain and small point errors
+    leave a practically clean surface, and up to STRONGEST times the largest one. All others are drawn log-uniformly.
     """
     kinds = [kind for kind in config.noise_kinds if kind != "sensor"]
     if family is not None and family.measured:  # the level is that of the measurement error
@@ -166,7 +167,7 @@ def _noise(config: DatasetConfig, *, family: ShapeFamily | None, rng: np.random.
     sensed = not kinds or (family is not None and family.seen and "sensor" in config.noise_kinds and rng.random() < 0.5)
     kind: NoiseKind = "sensor" if sensed else kinds[rng.integers(len(kinds))]
     if family is not None and family.measured and rng.random() < 0.5:
-        level = rng.uniform(config.min_level, config.max_level)
+        level = rng.uniform(config.min_level, STRONGEST * config.max_level)
     else:
         level = log_uniform((config.min_level, config.max_level), rng=rng)
     return kind, 0.0 if kind == "none" else level

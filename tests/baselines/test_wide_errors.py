@@ -117,7 +117,7 @@ def test_steps_of_an_enlarged_mask_need_no_option():
     ("settings", "treatment"),
     [
         ({}, "enlarged volume (probability 1.00)"),
-        ({"remove_detail": 0}, "measured surface (probability 0.96)"),
+        ({"remove_detail": 0}, "measured surface (probability 0.95)"),
         ({"remove_detail": "6 edges"}, "unknown"),
         ({"parameters": {"treat_as": "vertex-noise"}}, "vertex noise (as set)"),
     ],

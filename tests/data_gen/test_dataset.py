@@ -96,6 +96,13 @@ def test_levels_are_log_uniform_within_their_bounds():
     assert logs.mean() == pytest.approx((low + high) / 2, abs=5 * (high - low) / np.sqrt(12 * 100))
 
 
+def test_half_of_the_volumes_and_point_clouds_may_have_larger_errors():
+    config = DatasetConfig(seed=2, families=("tomogram", "points"), min_level=0.4, max_level=0.4, **SMALL)
+    levels = np.array([pair(config, index).level for index in range(12)])
+    assert 2 <= np.count_nonzero(levels > 0.4 + 1e-9) <= 10
+    assert levels.min() >= 0.4 - 1e-9 and 0.45 < levels.max() <= 0.6
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
