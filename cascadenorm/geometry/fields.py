@@ -10,7 +10,7 @@ from cascadenorm.detection.noise_level import local_noise
 from cascadenorm.geometry.curvature import mean_curvature
 from cascadenorm.geometry.metrics import angles_at_faces, errors
 from cascadenorm.geometry.orientation import oriented
-from cascadenorm.mesh import Floats, Mesh, MeshError, without_lines, without_repeated_faces
+from cascadenorm.mesh import Floats, Mesh, MeshError, surface_of
 
 USUAL = 0.98  # quantile of the absolute values at the end of the default colour range
 
@@ -103,17 +103,12 @@ def _values(name: str, key: str, mesh: Mesh, other: Mesh, unit: float) -> Floats
 
 def _noise(mesh: Mesh) -> Floats:
     """Return the local noise, which does not depend on the orientation of the faces."""
-    return local_noise(oriented(_surface(mesh)))
+    return local_noise(oriented(surface_of(mesh)))
 
 
 def _curvature(mesh: Mesh, unit: float) -> Floats:
     """Return the mean curvature in the unit of the files."""
-    return mean_curvature(_surface(mesh)) / unit
-
-
-def _surface(mesh: Mesh) -> Mesh:
-    """Return the mesh without faces that repeat a vertex or another face, whose normals may cancel."""
-    return without_repeated_faces(without_lines(mesh))
+    return mean_curvature(surface_of(mesh)) / unit
 
 
 def _errors(mesh: Mesh, truth: Mesh, unit: float) -> dict[str, Floats]:
@@ -128,5 +123,5 @@ def _changes(before: Mesh, after: Mesh, unit: float) -> dict[str, Floats]:
     return {
         "angle": angles_at_faces(after.face_normals, before.face_normals),
         "displacement": np.linalg.norm(moves, axis=1),
-        "normal-displacement": np.einsum("ij,ij->i", moves, _surface(before).vertex_normals),
+        "normal-displacement": np.einsum("ij,ij->i", moves, surface_of(before).vertex_normals),
     }

@@ -8,7 +8,7 @@ from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian_of, face_cotangents
 from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, as_array, in_frame, row_distances, scatter_add
-from cascadenorm.mesh.isolation import without_lines, without_repeated_faces
+from cascadenorm.mesh.isolation import surface_of
 
 LEAST_HEAT = 1e-300  # least ratio of the least to the largest heat; below it, the diffusion time is increased
 MOST_INCREASES = 100  # of the diffusion time, each by a factor of 4; this suffices unless no face has an extent
@@ -39,7 +39,7 @@ def geodesic_distances(mesh: Mesh, sources: ArrayLike) -> Floats:
         There is no source, or a source does not exist.
     """
     chosen = _checked_sources(sources, len(mesh.vertices))
-    framed, exponent = in_frame(without_repeated_faces(without_lines(mesh)))
+    framed, exponent = in_frame(surface_of(mesh))
     return np.asarray(np.ldexp(heat_distances(framed, chosen), exponent))
 
 

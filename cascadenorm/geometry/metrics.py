@@ -7,8 +7,7 @@ import numpy as np
 
 from cascadenorm.geometry.nearest import SurfaceTree
 from cascadenorm.geometry.volume import is_closed
-from cascadenorm.mesh import Floats, Mesh, MeshError, Vectors, angles_between, scaled_alike, without_lines
-from cascadenorm.mesh.isolation import without_repeated_faces
+from cascadenorm.mesh import Floats, Mesh, MeshError, Vectors, angles_between, scaled_alike, surface_of
 
 APART = 0.5  # mean distance to the ground truth, in diagonals of the smaller mesh, above which meshes are unrelated
 LEAST_SIZE = 1e-90  # smallest ratio of the sizes of two meshes; the cube of a smaller ratio would underflow
@@ -86,8 +85,7 @@ def measure(mesh: Mesh, reference: Mesh) -> Measures:
     has two normals, the ground truth has no extent, the sizes of the meshes differ too much, or the meshes are so far
     apart that no measure would mean anything.
     """
-    surfaces = (without_repeated_faces(without_lines(one)) for one in (mesh, reference))
-    mesh, reference = scaled_alike(*surfaces)  # scale changes no measure
+    mesh, reference = scaled_alike(surface_of(mesh), surface_of(reference))  # scale changes no measure
     sizes = sorted([mesh.diagonal, reference.diagonal])
     if 0 < sizes[0] < LEAST_SIZE * sizes[1]:
         raise MeshError(f"one mesh is over {1 / LEAST_SIZE:.0e} times as large as the other: bring them to one unit")

@@ -42,6 +42,7 @@ from cascadenorm.mesh.isolation import (
     isolated,
     part_of,
     repeats_vertex,
+    surface_of,
     with_part_moved,
     without_lines,
     without_repeated_faces,
@@ -56,6 +57,6 @@ __all__ = [
     "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
     "first_places", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
     "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats", "repeats_vertex",
-    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "thread_count", "unit",
-    "with_part_moved", "without_lines", "without_repeated_faces",
+    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "surface_of", "thread_count",
+    "unit", "with_part_moved", "without_lines", "without_repeated_faces",
 ]  # fmt: skip

@@ -45,6 +45,11 @@ def without_repeated_faces(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[~repeated]) if repeated.any() else mesh
 
 
+def surface_of(mesh: Mesh) -> Mesh:
+    """Remove faces that repeat a vertex (see `without_lines`) or another face, whose normals may cancel."""
+    return without_repeated_faces(without_lines(mesh))
+
+
 def part_of(mesh: Mesh, faces: NDArray[Any]) -> tuple[Mesh, Ints32]:
     """Return the submesh of some faces, and the numbers of its vertices in the mesh, (k,)."""
     return compacted(mesh.vertices, mesh.faces[faces])

@@ -18,8 +18,7 @@ from cascadenorm.mesh import (
     connected_components,
     in_frame,
     scatter_add,
-    without_lines,
-    without_repeated_faces,
+    surface_of,
 )
 
 FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
@@ -80,7 +79,7 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
         raise ParameterError(f"max_edges is {max_edges}; it must be at least 3, or None for all holes")
     if outer not in ("keep", "fill"):
         raise ParameterError(f"outer is {outer!r}; it must be 'keep' or 'fill'")
-    given, (mesh, exponent) = mesh, in_frame(without_repeated_faces(without_lines(mesh)))
+    given, (mesh, exponent) = mesh, in_frame(surface_of(mesh))
     vertices, faces, scale = mesh.vertices, mesh.faces, _edge_length_around(mesh)
     beside = _faces_at_boundary(mesh)
     chords = np.empty((0, 2), np.int64)  # edges of patches between original vertices

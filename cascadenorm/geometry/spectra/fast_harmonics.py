@@ -8,7 +8,7 @@ from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.geometry.spectra.farthest_points import spread_samples
 from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
-from cascadenorm.mesh import Csr, Ints, Mesh, in_frame, one_blas_thread, without_lines, without_repeated_faces
+from cascadenorm.mesh import Csr, Ints, Mesh, in_frame, one_blas_thread, surface_of
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # mean number of local functions at a point
@@ -46,7 +46,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     ParameterError
         `count` is out of range, or `samples` is less than `count`.
     """
-    mesh, exponent = in_frame(without_repeated_faces(without_lines(mesh)))
+    mesh, exponent = in_frame(surface_of(mesh))
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())
     check_count(count, available)

@@ -8,7 +8,7 @@ import scipy
 from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import Factorisation
-from cascadenorm.mesh import Floats, Ints, Mesh, in_frame, one_blas_thread, without_lines, without_repeated_faces
+from cascadenorm.mesh import Floats, Ints, Mesh, in_frame, one_blas_thread, surface_of
 
 BAND = 60  # eigenpairs around one shift
 EIGENVALUE_TOLERANCE = 1e-10  # relative residual of the inverse; the error is of the order of its square
@@ -73,7 +73,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
     """
     if boundary not in ("free", "fixed"):
         raise ParameterError(f"is {boundary!r}; it must be free or fixed", parameter="boundary")
-    mesh, exponent = in_frame(without_repeated_faces(without_lines(mesh)))
+    mesh, exponent = in_frame(surface_of(mesh))
     laplacian = cotangent_laplacian(mesh)
     free = laplacian.mass > 0
     if boundary == "fixed":
@@ -128,7 +128,7 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> Floats:
     """
     if scale not in ("keep", "area"):
         raise ParameterError(f"is {scale!r}; it must be keep or area", parameter="scale")
-    framed, exponent = in_frame(without_repeated_faces(without_lines(mesh)))
+    framed, exponent = in_frame(surface_of(mesh))
     values = manifold_harmonics(framed, count).values
     return values * framed.area if scale == "area" else np.asarray(np.ldexp(values, -2 * exponent))
 
