@@ -1,6 +1,7 @@
 """A real browser, driven by the tests of pages."""
 
 import io
+import shlex
 import shutil
 from base64 import b64decode
 
@@ -68,6 +69,12 @@ class Browser:
         buttons = self.driver.find_elements("css selector", "button")
         next(button for button in buttons if button.text == text and button.is_displayed()).click()
         self.settle()
+
+    def copied_view(self) -> list[str]:
+        """Copy the view as a command line, and return its words."""
+        self.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")  # so that the page shows it
+        self.press_button("Copy view as command line")
+        return shlex.split(self.one(".panel code").text)
 
     def canvas(self) -> np.ndarray:
         """The pixels of the canvas with what lies over it, (height, width, 3)."""

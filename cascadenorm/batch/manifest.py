@@ -76,5 +76,6 @@ def _parsed(text: bytes) -> Line | None:
         line = json.loads(text)
     except ValueError:
         return None
-    valid = isinstance(line, dict) and line.keys() >= REQUIRED and isinstance(line["output"], str)
+    valid = isinstance(line, dict) and line.keys() >= REQUIRED
+    valid = valid and all(isinstance(line[key], str) for key in ("output", "status"))
     return line if valid else None

@@ -1,7 +1,5 @@
 """Views of a report, copied as commands that draw them."""
 
-import shlex
-
 import numpy as np
 import pytest
 from browsers import needs_browser
@@ -25,11 +23,7 @@ def test_the_view_is_copied_as_a_command_that_draws_it(browser, tmp_path, monkey
     browser.open(tmp_path / "r.html", f"{state}&up={up}")
     canvas = browser.canvas()
     height, width, _ = canvas.shape
-    browser.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
-    buttons = browser.driver.find_elements("css selector", ".buttons button")
-    next(button for button in buttons if "command" in button.text).click()
-    browser.settle()
-    command = shlex.split(browser.one(".panel code").text)
+    command = browser.copied_view()
     monkeypatch.chdir(tmp_path)
     assert command[:2] == ["cascadenorm", "render"]
     assert {"--values=normal-error", "--limits=0,40"} <= set(command)
@@ -56,6 +50,4 @@ def test_a_file_name_that_begins_with_a_hyphen_is_no_option_of_the_command(brows
     save_mesh(tmp_path / "-true.ply", CLEAN)
     cn.report("r.html", "-h rough.ply", truth="-true.ply")
     browser.open(tmp_path / "r.html", "mode=one&left=mesh&color=distance")
-    browser.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
-    browser.press_button("Copy view as command line")
-    assert run(shlex.split(browser.one(".panel code").text)[1:]) == 0 and (tmp_path / "view.png").exists()
+    assert run(browser.copied_view()[1:]) == 0 and (tmp_path / "view.png").exists()

@@ -113,10 +113,8 @@ def test_the_copied_command_draws_the_mesh_without_paint_which_no_file_has(page,
     page.js("location.hash = 'mode=one&left=before'")
     page.settle()
     page.js("document.querySelector('.painting input[value=pin]').click()")
-    page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
-    page.press_button("Copy view as command line")
     monkeypatch.chdir(tmp_path)
-    assert run(shlex.split(page.one(".panel code").text)[1:]) == 0 and (tmp_path / "view.png").exists()
+    assert run(page.copied_view()[1:]) == 0 and (tmp_path / "view.png").exists()
 
 
 @needs_browser
