@@ -9,7 +9,7 @@ from shapes import grid, icosphere
 from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, clean_mesh, own_pair, pair, write_dataset
 from cascadenorm.data_gen.dataset import training_patches
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.mesh import part_of
+from cascadenorm.mesh import angles_between, part_of
 
 SMALL = {"min_faces": 1200, "max_faces": 1800}
 QUICK = {**SMALL, "families": ("smooth", "bumpy", "polyhedron")}
@@ -101,6 +101,16 @@ def test_half_of_the_volumes_and_point_clouds_may_have_larger_errors():
     levels = np.array([pair(config, index).level for index in range(12)])
     assert 2 <= np.count_nonzero(levels > 0.4 + 1e-9) <= 10
     assert levels.min() >= 0.4 - 1e-9 and 0.45 < levels.max() <= 0.6
+
+
+def test_decimated_scans_keep_the_error_of_the_scan():
+    def mean_angle(level):
+        config = DatasetConfig(seed=5, families=("decimated_scan",), min_level=level, max_level=level, **SMALL)
+        made = [pair(config, index) for index in range(6)]
+        assert {one.noise_kind for one in made} == {"none"}
+        return np.mean([np.degrees(angles_between(one.noisy.face_normals, one.normals)).mean() for one in made])
+
+    assert 2 < mean_angle(0.05) < 0.8 * mean_angle(0.7) < 30
 
 
 @pytest.mark.parametrize(
