@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from cascadenorm.geometry.spectra.fast_harmonics import fast_harmonics
-from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
+from cascadenorm.geometry.spectra.harmonics import Harmonics, checked_count, manifold_harmonics
 from cascadenorm.mesh import Floats, Mesh, Vectors
 from cascadenorm.registry import Parameter, ParameterError, method
 
@@ -55,7 +55,7 @@ def spectral(
     """
     available = int((mesh.topology.vertex_faces.counts > 0).sum())
     count = min(HARMONICS_COUNT, available) if harmonics is None else harmonics
-    check_count(count, available)
+    checked_count(count, available)
     parts = len(np.unique(mesh.topology.face_components))
     if parts >= count and count < available:
         raise ParameterError(

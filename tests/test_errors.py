@@ -91,3 +91,55 @@ def test_errors_are_still_found_where_they_were():
 
     for kind in (DenoiseError, OutputError, ReadError, ConfigError, MeshError, ParameterError, WorkerError):
         assert kind is getattr(errors, kind.__name__) is getattr(cn, kind.__name__)
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("count", lambda number: cn.manifold_harmonics(BALL, number)),
+        ("count", lambda number: cn.fast_harmonics(BALL, number)),
+        ("samples", lambda number: cn.fast_harmonics(BALL, 1, samples=number)),
+        ("count", lambda number: cn.shape_dna(BALL, number)),
+        ("count", lambda number: cn.spectrum(BALL, count=number)),
+        ("count", lambda number: cn.farthest_points(BALL, number)),
+        ("first", lambda number: cn.farthest_points(BALL, 1, first=number)),
+        ("max_edges", lambda number: cn.fill_holes(BALL, max_edges=number)),
+        ("workers", lambda number: cn.evaluate("absent", workers=number)),
+        ("seeds", lambda number: cn.evaluate("absent", noise=0.1, seeds=number)),
+        ("workers", lambda number: cn.denoise_files("absent", "out", workers=number)),
+        ("retries", lambda number: cn.denoise_files("absent", "out", retries=number)),
+    ],
+)
+@pytest.mark.parametrize("number", [5.5, "five", [5], np.nan, np.inf])
+def test_numbers_that_are_not_whole_are_refused_by_name(name, call, number):
+    assert str(raised(call, number)) == f"{name} is {number!r}; it must be a whole number"
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("timeout", lambda number: cn.evaluate("absent", timeout=number)),
+        ("noise", lambda number: cn.evaluate("absent", noise=number)),
+        ("timeout", lambda number: cn.denoise_files("absent", "out", timeout=number)),
+        ("watch", lambda number: cn.denoise_files("absent", "out", watch=number)),
+    ],
+)
+def test_other_types_in_place_of_numbers_are_refused_by_name(name, call):
+    assert str(raised(call, "soon")) == f"{name} is 'soon'; it must be a number"
+    assert str(raised(call, [1])) == f"{name} is [1]; it must be a number"
+
+
+@pytest.mark.parametrize("given", [[1], "iterations=3", {1: 2}])
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("parameters", lambda given: cn.denoise_file("absent.ply", parameters=given)),
+        ("parameters", lambda given: cn.denoise_files("absent", "out", parameters=given)),
+        ("parameters", lambda given: cn.denoise_region_files("absent.ply", parameters=given)),
+        ("parameters", lambda given: cn.evaluate("absent", parameters=given)),
+        ("results", lambda given: cn.evaluate("absent", results=given)),
+        ("commands", lambda given: cn.evaluate("absent", commands=given)),
+    ],
+)
+def test_names_and_values_are_given_in_a_dictionary(name, call, given):
+    assert str(raised(call, given)) == f"{name} is {given!r}; it must be a dictionary of names and values"

@@ -24,7 +24,7 @@ MAY_IMPORT = {
     "registry": "errors mesh",
     "io": "errors mesh",
     "detection": "mesh",
-    "geometry": "errors execution mesh detection",
+    "geometry": "errors execution mesh registry detection",
     "data_gen": "execution mesh detection",
     "baselines": "compute execution mesh registry geometry",
     "learned": "errors compute execution mesh registry detection geometry data_gen baselines",

@@ -30,6 +30,7 @@ from cascadenorm.io import output_format
 from cascadenorm.io.atomic import remove_unfinished
 from cascadenorm.io.files import is_url
 from cascadenorm.mesh import thread_count
+from cascadenorm.registry import checked_number
 from cascadenorm.registry.controls import Controls, with_control_parameters
 
 if TYPE_CHECKING:
@@ -137,7 +138,10 @@ def denoise_files(
     WorkerError
         The scheduler or the workers of a cluster are unreachable or cannot do the work.
     """
-    _check_numbers(timeout, retries=retries, workers=workers, watch=watch)
+    workers = checked_number("workers", int | None, workers, minimum=1)
+    retries = checked_number("retries", int, retries, minimum=0)
+    timeout = checked_number("timeout", float | None, timeout, above=0)
+    watch = checked_number("watch", float | None, watch, minimum=0)
     format = None if format is None else output_format(f".{format}")  # ".STL" is "stl"
     settings, threads, listener = batch_settings(method, parameters or {}, controls, format, force=force)
     here = _this_machine(workers, threads, memory, scheduler)
@@ -156,16 +160,6 @@ def denoise_files(
             names, find = ", ".join(sources), partial(find_jobs, sources, folder, format)
             run.all([], Watched(find, watch, lambda error: run.tell(Failure(names, error))))
     return run.done._replace(skipped=skipped)
-
-
-def _check_numbers(timeout: float | None, **numbers: float | None) -> None:
-    """Raise ParameterError for numbers that are too small."""
-    for name, value in numbers.items():
-        least = 1 if name == "workers" else 0
-        if value is not None and not value >= least:
-            raise ParameterError(f"is {value}; it must be at least {least}", parameter=name)
-    if timeout is not None and not timeout > 0:
-        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
 
 
 def _started(

@@ -24,7 +24,7 @@ from cascadenorm.execution.progress import Progress, no_progress
 from cascadenorm.geometry.metrics import Measures
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.pairs import FilePair, Paths, find_pairs
-from cascadenorm.registry import find
+from cascadenorm.registry import checked_names, checked_number, find
 from cascadenorm.registry.controls import checked_controls
 
 __all__ = ["COLUMNS", "DEFAULT_METHODS", "NOISY", "Evaluation", "FailedRun", "RunResult", "evaluate"]
@@ -137,16 +137,22 @@ def evaluate(
     """
     checked_controls({"strength": strength, "threads": threads})  # raises an error for values out of range
     methods = [methods] if isinstance(methods, str) else methods
+    results, commands = checked_names("results", results), checked_names("commands", commands)
     for name in methods:
         check_weights(name, find(name).checked(parameters or {}))
-    programs = {name: checked_command(name, command) for name, command in (commands or {}).items()}
-    _check_numbers(workers, timeout, noise, seeds)
+    programs = {name: checked_command(name, command) for name, command in commands.items()}
+    workers = checked_number("workers", int, workers, minimum=1)
+    timeout = checked_number("timeout", float, timeout, above=0)
+    noise = checked_number("noise", float | None, noise, minimum=0, below=math.inf)
+    seeds = checked_number("seeds", int, seeds, minimum=1)
+    if noise is None and seeds > 1:
+        raise ParameterError(f"is {seeds}; it must be 1 without noise", parameter="seeds")
     if noise is not None and keep is None and scheduler not in (None, LOCAL_CLUSTER):
         raise ParameterError("must be a folder that all workers see: the noisy meshes go there", parameter="keep")
     pairs = _pairs(folders)
     if keep is not None:
         _check_keep(Path(keep), pairs)
-    places = {name: Path(place) for name, place in (results or {}).items()}
+    places = {name: Path(place) for name, place in results.items()}
     _check_names([*places, *programs], methods)
     _check_results(places, pairs)
     settings = {"strength": strength, "threads": threads, **(parameters or {})}
@@ -242,17 +248,6 @@ def _collect_results(runs: Sequence[Run], done: Evaluation, workers: int, progre
     finally:
         clear_caches()
     progress("evaluating", len(runs), len(runs))
-
-
-def _check_numbers(workers: int, timeout: float, noise: float | None, seeds: int) -> None:
-    if workers < 1:
-        raise ParameterError(f"is {workers}; it must be at least 1", parameter="workers")
-    if not timeout > 0:
-        raise ParameterError(f"is {timeout}; it must be above 0", parameter="timeout")
-    if seeds < 1 or (noise is None and seeds > 1):
-        raise ParameterError(f"is {seeds}; it must be at least 1, and exactly 1 without noise", parameter="seeds")
-    if noise is not None and not 0 <= noise < math.inf:
-        raise ParameterError(f"is {noise}; it must be at least 0, finite", parameter="noise")
 
 
 def _check_keep(keep: Path, pairs: Sequence[FilePair]) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.registry.controls import CONTROLS
-from cascadenorm.registry.parameters import Setting, declared
+from cascadenorm.registry.parameters import Setting, checked_names, declared
 
 if TYPE_CHECKING:  # lets the command line read declarations without loading numpy
     from cascadenorm.mesh import Mesh, Vectors
@@ -104,7 +104,7 @@ class Method:
 
         Messages suggest names of the method, and `further` ones that the caller accepts, for misspelled names.
         """
-        for name in parameters:
+        for name in checked_names("parameters", parameters):
             if name not in self.settings:
                 own = [setting.name for setting in self.given_by_name]
                 meant = get_close_matches(name, [*own, *further], n=1)

@@ -5,7 +5,7 @@ The annotation of a parameter declares it: `steps: Annotated[int, Parameter("Num
 
 import math
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from operator import ge, gt, le, lt
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -103,6 +103,31 @@ class Setting:
         if not self.about.admits(number):
             raise ParameterError(f"is {value}; it must be {self.about.allowed or 'a number'}", parameter=self.name)
         return kind(number)
+
+
+def checked_number(
+    name: str,
+    kind: Any,
+    value: Any,
+    *,
+    minimum: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
+) -> Any:
+    """Check and convert an argument that is no parameter of a method as if it were one.
+
+    The kind is int, float, or one of them with None. Raises ParameterError.
+    """
+    return Setting(name, kind, None, Parameter("", minimum=minimum, above=above, below=below)).checked(value)
+
+
+def checked_names(name: str, given: Any) -> Mapping[str, Any]:
+    """Return an argument that is a mapping from names to values, None being an empty one. Raises ParameterError."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+        raise ParameterError(f"is {given!r}; it must be a dictionary of names and values", parameter=name)
+    return given
 
 
 def declared(name: str, hint: Any) -> tuple[Any, Any]:

@@ -42,5 +42,5 @@ def test_with_nearly_as_many_samples_as_vertices_the_pairs_are_exact():
 
 
 def test_more_harmonics_than_samples_are_refused():
-    with pytest.raises(ParameterError, match="samples is 50; it must be at least the 51 harmonics"):
+    with pytest.raises(ParameterError, match="samples is 50; it must be at least 51"):
         fast_harmonics(MESH, 51, samples=50)

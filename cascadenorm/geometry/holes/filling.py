@@ -20,6 +20,7 @@ from cascadenorm.mesh import (
     scatter_add,
     surface_of,
 )
+from cascadenorm.registry import checked_number
 
 FAIRINGS = 5  # solves with an updated Laplacian, starting from a membrane
 
@@ -75,8 +76,7 @@ def filled(mesh: Mesh, *, order: Order, max_edges: int | None, outer: Outer) -> 
     """Fill the holes of a mesh as `fill_holes` does, and also return the filled and kept loops."""
     if order not in (1, 2, 3):
         raise ParameterError(f"order is {order!r}; it must be 1, 2 or 3")
-    if max_edges is not None and max_edges < 3:
-        raise ParameterError(f"max_edges is {max_edges}; it must be at least 3, or None for all holes")
+    max_edges = checked_number("max_edges", int | None, max_edges, minimum=3)
     if outer not in ("keep", "fill"):
         raise ParameterError(f"outer is {outer!r}; it must be 'keep' or 'fill'")
     given, (mesh, exponent) = mesh, in_frame(surface_of(mesh))

@@ -1,13 +1,13 @@
 """Farthest point sampling by geodesic distance."""
 
 import heapq
-import operator
 from typing import NamedTuple
 
 import numpy as np
 
 from cascadenorm.errors import ParameterError
 from cascadenorm.mesh import Bools, Csr, Floats, Ints, Ints32, Mesh, in_frame, kernel, without_lines
+from cascadenorm.registry import checked_number
 
 PROGRESS = 1e-12  # smallest relative decrease of a distance that is propagated
 
@@ -49,11 +49,12 @@ def farthest_points(mesh: Mesh, count: int, *, first: int | None = None) -> Ints
     """
     mesh, _ = in_frame(without_lines(mesh))
     used = np.flatnonzero(mesh.topology.used_vertices)
+    count = checked_number("count", int, count)
     if not 1 <= count <= len(used):
         raise ParameterError(
             f"is {count}; it must be from 1 to {len(used)}, the number of vertices that have a face", parameter="count"
         )
-    start = int(used[0]) if first is None else operator.index(first)
+    start = int(used[0]) if first is None else checked_number("first", int, first)
     if start not in used:
         raise ParameterError(f"is {first}; it must be a vertex that a face references", parameter="first")
     return spread_samples(mesh, count, first=start)[0]

@@ -3,12 +3,12 @@
 import numpy as np
 import scipy
 
-from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.neighborhoods import within
 from cascadenorm.geometry.spectra.farthest_points import spread_samples
-from cascadenorm.geometry.spectra.harmonics import Harmonics, check_count, manifold_harmonics
+from cascadenorm.geometry.spectra.harmonics import Harmonics, checked_count, manifold_harmonics
 from cascadenorm.mesh import Csr, Ints, Mesh, in_frame, one_blas_thread, surface_of
+from cascadenorm.registry import checked_number
 
 SAMPLES_PER_HARMONIC = 3
 OVERLAP = 10.0  # mean number of local functions at a point
@@ -49,14 +49,13 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
     mesh, exponent = in_frame(surface_of(mesh))
     laplacian = cotangent_laplacian(mesh)
     available = int((laplacian.mass > 0).sum())
-    check_count(count, available)
-    wanted = max(SAMPLES_PER_HARMONIC * count, 1000) if samples is None else samples
-    if wanted < count:
-        raise ParameterError(f"is {samples}; it must be at least the {count} harmonics", parameter="samples")
+    count = checked_count(count, available)
+    usual = max(SAMPLES_PER_HARMONIC * count, 1000)
+    wanted = usual if samples is None else checked_number("samples", int, samples, minimum=count)
     if CROWDED * wanted >= available:
         return manifold_harmonics(mesh, count).scaled(exponent)
     centers, distances = spread_samples(mesh, wanted, first=int(np.argmax(laplacian.mass > 0)))
-    check_count(count, len(centers))
+    checked_count(count, len(centers))
     reach = np.sqrt(OVERLAP * laplacian.mass.sum() / (np.pi * len(centers)))
     reach = max(reach, 1.1 * distances[np.isfinite(distances)].max())  # cover every vertex
     basis = _local_functions(mesh, centers, reach)

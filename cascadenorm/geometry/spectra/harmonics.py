@@ -9,6 +9,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.geometry.laplacians import Laplacian, cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import Factorisation
 from cascadenorm.mesh import Floats, Ints, Mesh, in_frame, one_blas_thread, surface_of
+from cascadenorm.registry import checked_number
 
 BAND = 60  # eigenpairs around one shift
 EIGENVALUE_TOLERANCE = 1e-10  # relative residual of the inverse; the error is of the order of its square
@@ -78,7 +79,7 @@ def manifold_harmonics(mesh: Mesh, count: int, *, boundary: BoundaryCondition = 
     free = laplacian.mass > 0
     if boundary == "fixed":
         free &= ~mesh.topology.boundary_vertices
-    check_count(count, int(free.sum()))
+    count = checked_count(count, int(free.sum()))
     # components are solved separately: identical ones would give multiple eigenvalues
     component = np.where(free, mesh.topology.components, -1)
     order = np.argsort(component, kind="stable")[(~free).sum() :]
@@ -133,10 +134,12 @@ def shape_dna(mesh: Mesh, count: int, *, scale: Scale = "keep") -> Floats:
     return values * framed.area if scale == "area" else np.asarray(np.ldexp(values, -2 * exponent))
 
 
-def check_count(count: int, available: int) -> None:
-    """Raise ParameterError unless `count` is between 1 and `available`."""
+def checked_count(count: int, available: int) -> int:
+    """Return a number of harmonics; raise ParameterError unless it is between 1 and `available`."""
+    count = checked_number("count", int, count)
     if not 1 <= count <= available:
         raise ParameterError(f"{count} harmonics were requested; this mesh has {available}: ask for 1 to {available}")
+    return count
 
 
 def _in_bands(laplacian: Laplacian, count: int) -> Pairs:
