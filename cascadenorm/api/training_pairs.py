@@ -17,7 +17,7 @@ from cascadenorm.geometry.orientation import oriented
 from cascadenorm.io import OutputError, ReadError, is_mesh_name, read
 from cascadenorm.io.atomic import explained_writing, make_folder
 from cascadenorm.io.interop import as_mesh, mesh_of_file, save_mesh
-from cascadenorm.io.pairs import FilePair, Paths, find_pairs, paths_of
+from cascadenorm.io.pairs import FilePair, Paths, find_pairs, listed, paths_of
 from cascadenorm.mesh import Mesh, MeshError, in_frame, part_of, scaled_alike
 
 
@@ -71,7 +71,7 @@ def _mesh_files(places: Paths) -> list[Path]:
     for place in paths_of(places):
         found = [place]
         if os.path.isdir(place):
-            found = sorted(file for file in place.iterdir() if file.is_file() and is_mesh_name(file))
+            found = [file for file in listed(place) if os.path.isfile(file) and is_mesh_name(file)]
         if not found:
             raise ReadError(f"{place} holds no mesh files: put clean meshes into it")
         files += found

@@ -26,7 +26,7 @@ def find_pairs(folders: Paths) -> list[FilePair]:
     for folder in paths_of(folders):
         if not os.path.isdir(folder):
             raise ReadError(f"{folder} is not a folder: give one that holds noisy.* and clean.*, or folders that do")
-        found = [pair for place in (folder, *sorted(folder.iterdir())) if (pair := _pair(place))]
+        found = [pair for place in (folder, *listed(folder)) if (pair := _pair(place))]
         if not found:
             raise ReadError(f"{folder} holds no pairs: put noisy.ply and clean.ply into it, or into folders in it")
         for pair in found:
@@ -39,11 +39,19 @@ def find_pairs(folders: Paths) -> list[FilePair]:
 
 def result_file(folder: Path, pair: FilePair) -> Path:
     """Return the mesh `<name of the pair>.*` in a folder of results. Raises ReadError unless there is exactly one."""
-    files = sorted(file for file in folder.iterdir() if file.stem == pair.name and is_mesh_name(file))
+    files = [file for file in listed(folder) if file.stem == pair.name and is_mesh_name(file)]
     if len(files) != 1:
         found = f"{len(files)} meshes" if files else "no mesh"
         raise ReadError(f"{folder} holds {found} {pair.name}.*; it must hold exactly one")
     return files[0]
+
+
+def listed(folder: Path) -> list[Path]:
+    """Return the files and folders in a folder, sorted. Raises ReadError if it cannot be listed."""
+    try:
+        return sorted(folder.iterdir())
+    except OSError as error:
+        raise ReadError(f"{folder} cannot be listed: {error.strerror or error}") from error
 
 
 def paths_of(places: Paths) -> list[Path]:
@@ -52,11 +60,11 @@ def paths_of(places: Paths) -> list[Path]:
 
 def _pair(folder: Path) -> FilePair | None:
     """Return the pair in a folder, or None if it contains neither mesh."""
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         return None
     halves = {}
     for half in ("noisy", "clean"):
-        files = sorted(file for file in folder.glob(f"{half}.*") if file.is_file())
+        files = sorted(file for file in folder.glob(f"{half}.*") if os.path.isfile(file))
         files = [file for file in files if is_mesh_name(file)] or files  # the others may be referenced files
         if len(files) > 1:
             raise ReadError(f"{folder} holds {len(files)} files {half}.*: leave one")

@@ -260,6 +260,9 @@ def test_a_training_that_cannot_start_leaves_no_log(tmp_path, monkeypatch, capsy
     assert run([*words, "--log", str(tmp_path / "log.csv"), "--tensorboard", str(tmp_path / "runs")]) == 1
     assert "pip install tensorboard" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["tiny.toml"]
+    monkeypatch.undo()
+    assert run([*words, "--tensorboard", str(tmp_path / ("long" * 100))]) == 5
+    assert "cannot be written: File name too long\n" in capsys.readouterr().err
     (tmp_path / "w.safetensors.training").mkdir()  # as if it had been interrupted
     (tmp_path / "folder.csv").mkdir()
     for log, message in (("folder.csv", "is a folder"), ("absent/log.csv", "does not exist: create it first")):

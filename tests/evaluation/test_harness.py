@@ -1,5 +1,7 @@
 """Methods on pairs of a noisy and a clean mesh."""
 
+import errno
+import os
 import shutil
 from pathlib import Path
 
@@ -135,6 +137,21 @@ def test_results_without_a_folder_or_a_name_of_their_own_are_refused(folder, tmp
     other = shutil.copytree(folder / "ball", tmp_path / "ball")
     with pytest.raises(ReadError, match="several pairs are named ball"):
         evaluate([folder, other], methods=[], results={"theirs": tmp_path})
+
+
+def test_folders_that_cannot_be_listed_are_named(folder, tmp_path, monkeypatch):
+    inside = Path.iterdir
+
+    def locked(place):
+        if place == tmp_path:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(place))
+        return inside(place)
+
+    monkeypatch.setattr(Path, "iterdir", locked)
+    done = evaluate(folder / "ball", methods=[], results={"theirs": tmp_path})
+    assert [str(failure.error) for failure in done.failures] == [f"{tmp_path} cannot be listed: Permission denied"]
+    with pytest.raises(ReadError, match="cannot be listed: Permission denied"):
+        evaluate(tmp_path, methods=[])
 
 
 def test_pairs_that_would_share_a_row_or_a_folder_are_refused(folder, tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Lock
 from typing import NamedTuple, TextIO
 
-from cascadenorm.errors import MissingDependencyError, ParameterError, ReadError
+from cascadenorm.errors import MissingDependencyError, OutputError, ParameterError, ReadError
 
 
 class Pass(NamedTuple):
@@ -37,7 +37,8 @@ def recording(log: Path | None, tensorboard: Path | None, *, resumed: bool) -> I
     """Record epochs in a log file, as soon as each one finishes, and in a folder of TensorBoard events.
 
     The log file has an extension in LOG_EXTENSIONS, and its folder exists. A resumed training appends to it. None
-    writes no file or no events. Raises MissingDependencyError if TensorBoard is needed and not installed.
+    writes no file or no events. Raises MissingDependencyError if TensorBoard is needed and not installed, and
+    OutputError if its folder cannot be written.
     """
     recorders: list[Recorder] = []
     lock = Lock()
@@ -101,7 +102,11 @@ def _events(folder: Path) -> Iterator[Recorder]:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         raise MissingDependencyError("--tensorboard", package="tensorboard") from None
-    with SummaryWriter(str(folder)) as writer:
+    try:
+        opened = SummaryWriter(str(folder))
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written: {error.strerror or error}") from error
+    with opened as writer:
 
         def record(done: Pass) -> None:
             for name in ("loss", "validation", "validation_deg"):
