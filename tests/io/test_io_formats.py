@@ -198,7 +198,7 @@ def test_glb_converts_with_its_transforms():
         ((b'"POSITION": 4', b'"POSITION": 8'), r"refers to accessors\[8\], which does not exist"),
         ((b'"type": "VEC3"', b'"type": "VEC4"'), "is not VEC3"),
         ((b'"scene": 0,', b'"scene" 0, '), "not valid glTF"),
-        ((b'{"POSITION": 4}', b'["position", 4]'), "an entry has the wrong type or size"),
+        ((b'{"POSITION": 4}', b'["position", 4]'), "an entry has the wrong type or size: export"),
         ((b"glTF\2", b"glTF\1"), "version 1"),
     ],
 )

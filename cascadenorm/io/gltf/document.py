@@ -32,11 +32,14 @@ def json_bytes(document: dict[str, Any]) -> bytes:
 
 
 def check_lists(document: dict[str, Any]) -> None:
-    """Raise ReadError if a document has version 1, or if an entry that must be a list has other content."""
+    """Raise ReadError if a document needs another version, or if an entry that must be a list has other content."""
     asset = document.get("asset")
-    version = str(asset.get("version")) if isinstance(asset, dict) else ""
+    given = asset if isinstance(asset, dict) else {}
+    version, needed = (str(given.get(name) or "2.0") for name in ("version", "minVersion"))
     if version.startswith("1"):  # its entries are objects by name
         raise ReadError(f"this glTF file has version {version}; only version 2 is supported: export it again")
+    if needed > "2.0":
+        raise ReadError(f"this glTF file needs version {needed}; only version 2.0 is supported: export it again")
     for name in LISTS:
         parts = document.get(name, [])
         if not (isinstance(parts, list) and all(isinstance(part, dict) for part in parts)):

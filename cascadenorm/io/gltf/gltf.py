@@ -54,8 +54,7 @@ def _said(error: Exception) -> str:
         return "a number refers to an entry that does not exist"
     if isinstance(error, RecursionError):
         return "its objects are nested too deeply"
-    is_type = isinstance(error, TypeError | AttributeError)
-    return f"an entry has the wrong type or size ({error})" if is_type else str(error)
+    return "an entry has the wrong type or size" if isinstance(error, TypeError | AttributeError) else str(error)
 
 
 _explained = partial(explained, "the JSON of this file is not valid glTF 2", hint="export the file again", said=_said)
