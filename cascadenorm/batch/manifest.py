@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cascadenorm.errors import OutputError
-from cascadenorm.io.atomic import explained_writing, make_folder
+from cascadenorm.io.atomic import explained_writing, make_folder, write_all
 from cascadenorm.io.json_text import json_text
 
 if sys.platform != "win32":
@@ -41,9 +41,9 @@ class Manifest:
             raise
 
     def add(self, line: Line) -> None:
-        """Append a line in a single write."""
+        """Append a line, in a single write unless the disk is nearly full. Raises OutputError."""
         with explained_writing(self.path):
-            self._file.write(json_text(line).encode() + b"\n")
+            write_all(self._file, json_text(line).encode() + b"\n")
         self.last[line["output"]] = line
 
     def close(self) -> None:

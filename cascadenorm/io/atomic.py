@@ -180,7 +180,7 @@ def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
     """Write all pieces to a stream, which may be full at times, and flush it. Raises OutputError."""
     try:
         for piece in pieces:
-            _write(stream, memoryview(piece).cast("B"))
+            write_all(stream, piece)
         _flush(stream)
     except BrokenPipeError:
         raise OutputError("the stream was closed by its reader before all was written") from None
@@ -188,7 +188,9 @@ def write_stream(stream: BinaryIO, pieces: Iterable[Piece]) -> None:
         raise OutputError(f"the stream cannot be written: {error.strerror or error}") from error
 
 
-def _write(stream: BinaryIO, left: memoryview) -> None:
+def write_all(stream: BinaryIO | io.RawIOBase, piece: Piece) -> None:
+    """Write a whole piece to a stream, which may accept fewer bytes at once."""
+    left = memoryview(piece).cast("B")
     while len(left):
         try:
             written = stream.write(left)

@@ -1,6 +1,9 @@
 """The manifest of a batch, and the digest of its settings."""
 
+import errno
+import io
 import json
+import os
 
 import numpy as np
 import pytest
@@ -27,6 +30,32 @@ def test_half_a_line_does_not_count_and_the_next_is_whole(tmp_path):
     manifest.close()
     again = Manifest(tmp_path / MANIFEST_NAME)
     assert set(again.last) == {"a", "c"}
+    again.close()
+
+
+def test_a_line_is_written_to_its_end_or_refused(tmp_path, monkeypatch):
+    """A file without a buffer accepts what fits on the disk, and refuses the rest only at the next write."""
+    manifest = Manifest(tmp_path / MANIFEST_NAME)
+
+    class Disk(io.FileIO):
+        free = 10**6
+
+        def write(self, data):
+            if self.free == 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            done = super().write(data[: min(self.free, 50)])
+            self.free -= done
+            return done
+
+    manifest.close()
+    manifest._file = Disk(tmp_path / MANIFEST_NAME, "a")
+    manifest.add(line("whole"))
+    manifest._file.free = 60
+    with pytest.raises(OutputError, match=r"manifest\.jsonl cannot be written: No space left"):
+        manifest.add(line("cut"))
+    manifest.close()
+    again = Manifest(tmp_path / MANIFEST_NAME)
+    assert set(again.last) == {"whole"}
     again.close()
 
 
