@@ -6,7 +6,7 @@ import re
 import secrets
 import stat
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -67,6 +67,20 @@ def make_folder(folder: Path) -> None:
         raise OutputError(f"{folder} is a file: give the name of a folder") from None
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise OutputError(f"{folder} cannot be created: {getattr(error, 'strerror', None) or error}") from error
+
+
+@contextmanager
+def making_folder(folder: Path) -> Iterator[None]:
+    """Create a folder like `make_folder`; remove it and its new parents, unless they hold files, after an error."""
+    new = [place for place in (folder, *folder.parents) if not os.path.lexists(place)]
+    make_folder(folder)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for place in new:
+                place.rmdir()
+        raise
 
 
 def is_special(path: str | os.PathLike[str]) -> bool:

@@ -204,3 +204,12 @@ def test_two_files_of_one_output_are_refused_before_anything_is_written(tmp_path
             cn.denoise_region_files([paths[0], str(paths[0])], method="laplacian", force=force)
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(paths)
     assert not (tmp_path / "out").exists()
+
+
+def test_regions_that_cannot_be_denoised_leave_no_folder(tmp_path):
+    (tmp_path / "bad.ply").write_bytes(b"ply")
+    (tmp_path / "kept").mkdir()
+    for name in ("kept", "new/inner"):
+        with pytest.raises(cn.ReadError):
+            cn.denoise_region_files(tmp_path / "bad.ply", tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {"bad.ply", "kept"}

@@ -1,6 +1,7 @@
 """Denoise several meshes whose walls coincide, such as segmented regions."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -17,7 +18,7 @@ from cascadenorm.api.selection import weld_controls
 from cascadenorm.compute.compile_time import Stopwatch
 from cascadenorm.controls.weights import mask_weights, selected_vertices
 from cascadenorm.errors import MeshError, OutputError, ParameterError
-from cascadenorm.io.atomic import make_folder
+from cascadenorm.io.atomic import making_folder
 from cascadenorm.mesh import Ints, Mesh, connected_components, first_of_each, limit_threads
 from cascadenorm.registry import Method, find
 from cascadenorm.registry.controls import CONTROLS, Controls, checked_controls, with_control_parameters
@@ -110,12 +111,10 @@ def denoise_region_files(
     """
     every, chosen, given = checked_controls(controls), find(method), parameters or {}
     chosen.checked(given)
-    with limit_threads(every["threads"]):
-        paths = [sources] if isinstance(sources, str | PathLike) else list(sources)
-        targets = [None if folder is None else Path(folder) / Path(path).name for path in paths]
-        _check_targets(paths, targets)
-        if folder is not None:
-            make_folder(Path(folder))
+    paths = [sources] if isinstance(sources, str | PathLike) else list(sources)
+    targets = [None if folder is None else Path(folder) / Path(path).name for path in paths]
+    _check_targets(paths, targets)
+    with limit_threads(every["threads"]), nullcontext() if folder is None else making_folder(Path(folder)):
         opened = [opened_file(s, t, every, force=force) for s, t in zip(paths, targets, strict=True)]
         watch = Stopwatch()
         regions = [Region(file.mesh, file.controls, file.file.positions.dtype) for file in opened]
