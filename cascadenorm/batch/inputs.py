@@ -123,6 +123,8 @@ def source_names(sources: Sources) -> list[str]:
     names = [str(sources)] if isinstance(sources, str | PathLike) else [str(source) for source in sources]
     if not names:
         raise ReadError("no files are given", hint="give at least one file, folder or pattern")
+    if "" in names:
+        raise ReadError("the name of a source is empty", hint="name a file, folder or pattern")
     return names
 
 

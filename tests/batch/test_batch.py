@@ -217,6 +217,9 @@ def test_a_result_that_is_a_link_to_its_source_does_not_overwrite_it(place):
 def test_a_batch_needs_files_and_takes_them_from_any_iterable(place):
     with pytest.raises(cn.ReadError, match="no files are given"):
         denoise_files([], "out")
+    for empty in ("", ["", "scans"]):
+        with pytest.raises(cn.ReadError, match="the name of a source is empty: name a file, folder or pattern"):
+            denoise_files(empty, "out")
     scans(place / "scans", 2)
     done = denoise_files(iter(sorted((place / "scans").rglob("*.ply"))), "out", method="laplacian", workers=1)
     assert len(done.lines) == 2
