@@ -141,7 +141,7 @@ def method(
     Parameters
     ----------
     name
-        Name of the method for users, in lower case with hyphens.
+        Name of the method for users, in lower case with hyphens. Modules cannot replace the methods of others.
     source
         Authors and year of the paper that describes the method.
     family
@@ -156,6 +156,8 @@ def method(
     def register(function: "Callable[..., Vectors]") -> "Callable[..., Vectors]":
         if family not in FAMILIES:
             raise ParameterError(f"there is no family {family!r}; there are: {', '.join(FAMILIES)}")
+        if name in _methods and (other := _methods[name].function.__module__) != function.__module__:
+            raise ParameterError(f"{other} registers a method {name!r} already", hint="choose another name")
         _methods[name] = Method(name, function, source, _settings(function), converges, rings, family)
         return function
 

@@ -48,6 +48,18 @@ def test_a_parameter_that_is_not_keyword_only_is_refused_with_its_name(registere
     assert "mine" not in cn.methods()
 
 
+def test_a_method_of_another_module_is_not_replaced(registered):
+    def mine(mesh):
+        return mesh.vertices
+
+    with pytest.raises(ParameterError, match=r"baselines\.\w+ registers a method 'taubin' already"):
+        method("taubin", source="a test")(mine)
+    for _ in range(2):  # as a cell of a notebook that runs again
+        registered(mine)
+    assert cn.methods()["mine"].function is mine
+    assert cn.methods()["taubin"].family == "smoothing"
+
+
 @pytest.mark.parametrize("name", ["strength", "mask", "method"])
 def test_a_parameter_that_is_named_as_a_setting_of_denoise_is_refused(registered, name):
     def mine(mesh, **settings):
