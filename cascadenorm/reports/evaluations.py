@@ -11,7 +11,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.errors import ParameterError
+from cascadenorm.errors import CascadenormError, ParameterError
 from cascadenorm.evaluation import tables
 from cascadenorm.evaluation.harness import Evaluation, RunResult
 from cascadenorm.evaluation.runs import NOISY
@@ -70,7 +70,7 @@ def report_evaluation(
     if done.records is None:
         raise ParameterError("the meshes of the evaluation were not kept", hint="give evaluate a folder to keep them")
     make_folder(folder)
-    failures = [(f.pair, f.method or "", str(f.error)) for f in done.failures]
+    failures = [(f.pair, f.method or "", _said(f.error)) for f in done.failures]
     sections = [("Failures", table([("pair", "method", "error"), *failures]))] if failures else []
     means = [
         (f"{one.method} *" if one.method in done.partial else one.method, one.measures.normal_error_deg)
@@ -98,6 +98,11 @@ def report_evaluation(
     about = ["The best value of each row or column is in bold; – marks unknown values."]
     whole = page("Evaluation", about, sections, tiles=_tiles(done, len(measured)))
     write_atomically(Path(output), [whole.encode(errors="replace")], force=force)
+
+
+def _said(error: Exception) -> str:
+    """Return the message of an error, with its type if the error comes from the code of a method."""
+    return str(error) if isinstance(error, CascadenormError) else f"{type(error).__name__}: {error}"
 
 
 def _tiles(done: Evaluation, pairs: int) -> list[Tile]:

@@ -8,6 +8,7 @@ import re
 import shutil
 import sys
 from base64 import b64decode
+from html import unescape
 
 import PIL.Image
 import pytest
@@ -17,9 +18,10 @@ from shapes import icosphere, noisy
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.cli.tables import print_evaluation
-from cascadenorm.errors import ParameterError
+from cascadenorm.errors import DenoiseError, ParameterError
 from cascadenorm.evaluation import tables
-from cascadenorm.evaluation.harness import NOISY, Evaluation, evaluate
+from cascadenorm.evaluation.harness import NOISY, Evaluation, FailedRun, evaluate
+from cascadenorm.evaluation.records import Records
 from cascadenorm.io import OutputError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.reports.evaluations import report_evaluation
@@ -118,6 +120,13 @@ def test_pages_have_tables_figures_and_the_viewer(measured, tmp_path):
         report_evaluation(tmp_path / "e.html", measured)
     with pytest.raises(ParameterError, match="were not kept"):
         report_evaluation(tmp_path / "other.html", measured._replace(records=None))
+
+
+def test_errors_from_the_code_of_a_method_are_listed_with_their_type(tmp_path):
+    failures = [FailedRun("ball", "mine", error) for error in (KeyError("seam"), DenoiseError("no vertices"))]
+    report_evaluation(tmp_path / "e.html", Evaluation([], failures, records=Records(tmp_path / "kept")))
+    text = unescape((tmp_path / "e.html").read_text(encoding="utf-8"))
+    assert "<td>KeyError: 'seam'</td>" in text and "<td>no vertices</td>" in text
 
 
 def test_meshes_without_common_faces_are_in_the_pages_too(tmp_path):
