@@ -119,6 +119,22 @@ def test_new_vertices_and_faces_of_ply_have_values_like_those_around(tmp_path, d
     assert file._columns["rest", "last"].read(file._body).tolist() == [77]
 
 
+@pytest.mark.parametrize(("kind", "one"), [("char", 127), ("short", 32767), ("uchar", 255)])
+def test_normals_in_whole_numbers_go_on_at_their_scale(tmp_path, kind, one):
+    normals = [f"property {kind} n{axis}" for axis in "xyz"]
+    header = ["ply", "format ascii 1.0", f"element vertex {COUNT}", *(f"property float {axis}" for axis in "xyz")]
+    header += [*normals, f"element face {FACES}", "property list uchar int vertex_indices", *normals, "end_header"]
+    true = [HOLED.vertex_normals, HOLED.face_normals]
+    stored = [np.rint(one * (np.abs(values) if kind == "uchar" else values)).astype(int) for values in true]
+    rows = [" ".join(map(str, (*p, *n))) for p, n in zip(HOLED.vertices.tolist(), stored[0].tolist(), strict=True)]
+    rows += [" ".join(map(str, (3, *f, *n))) for f, n in zip(HOLED.faces.tolist(), stored[1].tolist(), strict=True)]
+    content = filled(tmp_path, ("\n".join([*header, *rows]) + "\n").encode(), ".ply")[0].content()
+    added = FILLED.vertices[COUNT:], FILLED.centroids[FACES:]
+    for values, true in zip((content.vertex_values, content.face_values), added, strict=True):
+        new = np.stack([values[name] for name in ("nx", "ny", "nz")], axis=1)[-len(true) :].astype(float)
+        assert (new * (np.abs(true) if kind == "uchar" else true)).sum(axis=1).min() > 0.8 * one
+
+
 @pytest.mark.parametrize("odd", [np.nan, np.inf])
 def test_values_are_blended_where_they_are_finite_and_else_the_nearest(odd):
     patches = HolePatches(cn.io.from_arrays(HOLED.vertices, HOLED.faces), FILLED)

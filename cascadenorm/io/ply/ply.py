@@ -115,6 +115,9 @@ class PlyFile(MeshFile):
             return None
         return np.stack([column.read(self._body) for column in found], axis=1)
 
+    def _normal_kind(self, element: str) -> np.dtype[Any]:
+        return np.dtype(self._columns[element, NORMAL[0]].declared.kind)
+
     def _positions(self) -> NDArray[Any]:
         values = self._read("vertex", XYZ)
         if values is None:
@@ -153,13 +156,12 @@ class PlyFile(MeshFile):
             values = self._read(element, NORMAL)
             if values is None:
                 continue
-            kind = np.dtype(self._columns[element, "nx"].declared.kind)
+            kind = self._normal_kind(element)
             if kind.kind == "u":  # what stands for 0 is not known
                 continue
             normals, renewed = self._renewed(Normals(values, used))
-            if kind.kind == "i":  # the length of a stored normal stands for 1
-                lengths = np.linalg.norm(values.astype(np.float64), axis=1, keepdims=True)
-                normals = np.rint(normals * np.minimum(lengths, np.iinfo(kind).max))
+            if kind.kind == "i":
+                normals = np.rint(normals * _lengths(values, kind))
             replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
         if self._text is not None:
             return self._spliced(self._text, replaced)
@@ -236,8 +238,11 @@ class PlyFile(MeshFile):
         """Return the values of additional vertices by property, (a, 1), or (a, 0) for a list."""
         own = dict(zip(XYZ, patches.positions.T, strict=True))
         normals = self._read("vertex", NORMAL)
-        if normals is not None:
-            own |= zip(NORMAL, patches.all_normals(normals)[len(normals) :].T, strict=True)
+        if normals is not None and (kind := self._normal_kind("vertex")).kind != "u":  # else the nearest are copied
+            added = patches.all_normals(normals)[len(normals) :]
+            if kind.kind == "i":
+                added = added * patches.nearest(_lengths(normals, kind))
+            own |= zip(NORMAL, added.T, strict=True)
         found = []
         for p in element.properties:
             values = np.zeros((len(patches.positions), 0))
@@ -253,7 +258,12 @@ class PlyFile(MeshFile):
         """Return the values of additional faces by property: (b, 3) corners, (b, 1) numbers, (b, 0) for other lists."""
         count = len(patches.triangles)
         normals = self._read(element.name, NORMAL) if element.name == "face" else None
-        own = {} if normals is None else dict(zip(NORMAL, patches.face_normals(normals).T, strict=True))
+        own: dict[str, NDArray[Any]] = {}
+        if normals is not None and (kind := self._normal_kind("face")).kind != "u":
+            added = patches.face_normals(normals)
+            if kind.kind == "i":
+                added = np.rint(added * _lengths(normals, kind)[patches.polygons])
+            own |= zip(NORMAL, added.T, strict=True)
         found = []
         for p in element.properties:
             values: NDArray[Any] = np.zeros((count, 0 if p.count_kind else 1))
@@ -355,6 +365,12 @@ def _kind(p: PlyProperty, byte_order: str) -> PropertyKind:
         return PropertyKind(number, None if p.count_kind is None else number)
     length = None if p.count_kind is None else np.dtype(byte_order + p.count_kind)
     return PropertyKind(np.dtype(byte_order + p.kind), length)
+
+
+def _lengths(normals: NDArray[Any], kind: np.dtype[Any]) -> NDArray[np.float64]:
+    """Return the (k, 1) lengths of normals of a signed integer type, which stand for 1."""
+    lengths = np.linalg.norm(normals.astype(np.float64), axis=1, keepdims=True)
+    return np.asarray(np.minimum(lengths, np.iinfo(kind).max))
 
 
 def _whole(values: NDArray[Any]) -> NDArray[np.int64]:
