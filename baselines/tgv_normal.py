@@ -18,7 +18,12 @@ LEAST_LENGTH = 1e-3  # in mean edge lengths; shorter edges and lines count as th
 
 TgvFidelity = Annotated[
     float,
-    Parameter("α, weight of fidelity to the input normals relative to variation", "1 / mean edge length", minimum=1e-6),
+    Parameter(
+        "α, weight of fidelity to the input normals relative to variation",
+        "1 / mean edge length",
+        minimum=1e-6,
+        maximum=1e6,
+    ),
 ]
 SecondOrder = Annotated[float, Parameter("β, weight of second-order relative to first-order variation", minimum=0)]
 TgvRounds = Annotated[int, Parameter("Number of iterations of the augmented Lagrangian", minimum=0)]

@@ -29,7 +29,10 @@ RESIDUAL_BLOCK = 4096  # faces whose residuals are summed in one block, independ
 TotalVariationFidelity = Annotated[
     float,
     Parameter(
-        "α, weight of fidelity to the input normals relative to total variation", "1 / mean edge length", minimum=1e-6
+        "α, weight of fidelity to the input normals relative to total variation",
+        "1 / mean edge length",
+        minimum=1e-6,
+        maximum=1e6,
     ),
 ]
 Rounds = Annotated[int, Parameter("Number of iterations of the augmented Lagrangian in each minimisation", minimum=0)]

@@ -15,6 +15,8 @@ MESH = noisy(icosphere(2), 0.2)
         ("prescribed-mean-curvature", "threshold", 1e-6, 1e-7),
         ("rolling-guidance-normal", "sigma", 1e-6, 1e-7),
         ("l0", "regularity", 1e6, 1e7),
+        ("tv-normal", "fidelity", 1e6, 1e7),
+        ("tgv-normal", "fidelity", 1e6, 1e7),
         ("l0", "growth", 1e300, np.inf),
         ("spectral", "gain", 1e300, np.inf),
     ],
