@@ -166,7 +166,7 @@ def method(
 
 def find(name: str) -> Method:
     """Return a method by its name; raises ParameterError if there is none."""
-    if name not in _methods:
+    if not isinstance(name, str) or name not in _methods:
         near = get_close_matches(str(name).lower(), _methods, n=1)
         known = f"did you mean {near[0]!r}? There" if near else "there"
         raise ParameterError(f"there is no method {name!r}; {known} are: {', '.join(sorted(_methods))}")

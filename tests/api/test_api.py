@@ -130,6 +130,7 @@ def test_a_mesh_of_one_point_stays():
         ),
         ({"progress": 3}, "progress is 3; it must be a function"),
         ({"method": "magic"}, "there is no method 'magic'; there are: "),
+        ({"method": ["auto"]}, r"there is no method \['auto'\]; did you mean 'auto'"),
         ({"method": "Bilatral-normal"}, "no method 'Bilatral-normal'; did you mean 'bilateral-normal'"),
         ({"iterations": -1}, "iterations is -1; it must be at least 0"),
         ({"wings": 2}, "bilateral-normal has no parameter 'wings'; it has: "),
