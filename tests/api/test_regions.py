@@ -87,7 +87,14 @@ def test_paths_are_refused_with_the_function_for_files(kind):
 def test_no_meshes_are_refused():
     for denoise in (cn.denoise_regions, cn.denoise_region_files):
         with pytest.raises(cn.MeshError, match="no meshes are given: give at least one"):
-            denoise([])
+            denoise(iter(()))
+
+
+def test_meshes_may_come_from_a_generator(halves):
+    meshes = halves[1:3]
+    listed, generated = (cn.denoise_regions(given, **OPTIONS) for given in (meshes, iter(meshes)))
+    for one, other in zip(listed, generated, strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
 
 
 def test_a_single_path_is_a_file(tmp_path):

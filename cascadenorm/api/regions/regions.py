@@ -1,6 +1,6 @@
 """Denoise several meshes whose walls coincide, such as segmented regions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from os import PathLike, fspath
 from pathlib import Path
@@ -31,7 +31,7 @@ MAX_TOLERANCE_EDGES = 0.01  # upper limit of the tolerance in mean edge lengths,
 
 
 @with_control_parameters
-def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
+def denoise_regions(meshes: Iterable[Any], *, method: str = DEFAULT_METHOD, **parameters: Any) -> list[Any]:
     """Denoise meshes whose walls coincide, such as the regions of a segmentation; shared walls stay shared.
 
     Vertices of different meshes that coincide within rounding count as one vertex and move to exactly the same
@@ -64,6 +64,7 @@ def denoise_regions(meshes: Sequence[Any], *, method: str = DEFAULT_METHOD, **pa
         given: Any = controls[name]
         if np.ndim(given) or isinstance(given, str | PathLike):
             raise ParameterError("applies to a single mesh, and several are given", parameter=name)
+    meshes = list(meshes)
     for mesh in meshes:
         if isinstance(mesh, str | PathLike):
             raise ParameterError(f"{fspath(mesh)} is a path", hint="for files call denoise_region_files")
