@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.errors import MeshError, counted
 from cascadenorm.io.content import Content, Labels, Positions
 from cascadenorm.io.text.text import blocks
-from cascadenorm.mesh import Mesh, all_in_rows, bad_faces, bad_vertices, first_places, isolated
+from cascadenorm.mesh import Mesh, all_in_rows, as_array, bad_faces, bad_vertices, first_places, isolated
 from cascadenorm.mesh.normals import Normals, renewed_normals
 from cascadenorm.mesh.polygons import Polygons, triangulate
 from cascadenorm.mesh.welding import weld
@@ -245,9 +245,12 @@ class MeshFile(ABC):
             The shape is wrong, or a number is not finite in the number type of the file.
         """
         mesh = self.mesh
-        wanted = np.asarray(vertices, np.float64)
-        if wanted.shape != mesh.vertices.shape:
-            raise MeshError(f"vertices have shape {wanted.shape}; the mesh of this file has {mesh.vertices.shape}")
+        given = as_array(vertices, MeshError("vertices are a list whose rows have different lengths"))
+        if given.shape != mesh.vertices.shape:
+            raise MeshError(f"vertices have shape {given.shape}; the mesh of this file has {mesh.vertices.shape}")
+        if given.dtype.kind not in "fiu":
+            raise MeshError(f"vertices have type {given.dtype}; they must be numbers")
+        wanted = given.astype(np.float64, copy=False)
         kind, welds = self.positions.dtype, self.welds
         with np.errstate(over="ignore", invalid="ignore"):
             copies = wanted.astype(kind)

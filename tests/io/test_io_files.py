@@ -4,6 +4,7 @@ import codecs
 import gzip
 import io as streams
 import os
+import re
 import stat
 import tracemalloc
 
@@ -236,3 +237,17 @@ def test_the_header_of_a_binary_stl_may_begin_as_it_likes():
 def test_a_stream_of_text_is_refused_in_words():
     with pytest.raises(io.ReadError, match="open the file in binary mode"):
         io.read(streams.StringIO("OFF\n"))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("far", "vertices have shape ()"),
+        ([[1], [2, 3]], "vertices are a list whose rows have different lengths"),
+        (np.full((4, 3), "1"), "vertices have type <U1; they must be numbers"),
+        (np.ones((4, 3), complex), "vertices have type complex128; they must be numbers"),
+    ],
+)
+def test_only_numbers_can_be_vertices_of_a_file(given, words, tetrahedron):
+    with pytest.raises(MeshError, match=re.escape(words)):
+        tetrahedron.with_vertices(given)
