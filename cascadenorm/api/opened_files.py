@@ -21,7 +21,7 @@ from cascadenorm.errors import MissingDependencyError, OutputError, ParameterErr
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.base import Piece
-from cascadenorm.io.files import beside, check_extension, check_stream, check_target, is_url
+from cascadenorm.io.files import beside, check_extension, check_source, check_stream, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
 from cascadenorm.mesh import Floats, Mesh, in_frame, row_lengths, without_lines
@@ -325,6 +325,7 @@ def _checked_output(
     """Return the target to write to; raises OutputError if it cannot be written or may not be replaced."""
     if output is None:
         if not isinstance(source, str | PathLike):
+            check_source(source)
             raise TypeError("a stream has no folder for the output: give an output")
         output = beside(Path(source), "denoised")
         check_output(output, force=force)

@@ -4,7 +4,7 @@ import codecs
 import os
 import re
 from collections.abc import Iterable, Mapping
-from io import BytesIO, TextIOBase
+from io import BytesIO, TextIOBase, UnsupportedOperation
 from pathlib import Path
 from typing import BinaryIO, cast
 from zipfile import ZipFile
@@ -225,6 +225,8 @@ def check_stream(target: Source) -> None:
         raise OutputError(f"a {type(target).__name__} is neither a path nor a stream of bytes")
     if getattr(target, "closed", False):
         raise OutputError(f"{stream_name(target)} cannot be written: it is closed")
+    if hasattr(target, "writable") and not target.writable():
+        raise OutputError(f'{stream_name(target)} cannot be written: open the file in binary mode, "wb"')
 
 
 def output_format(target: Source, otherwise: str = "") -> str:
@@ -313,11 +315,16 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
     return ArraysFile(mesh.vertices.astype(kind), Polygons.from_rows(mesh.faces.astype(np.int64)))
 
 
+def check_source(source: object) -> None:
+    """Raise ReadError if a source is neither a path nor a stream."""
+    if not isinstance(source, str | os.PathLike) and not hasattr(source, "read"):
+        raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
+
+
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:
     """Return a name for messages, the folder or None, and the content."""
+    check_source(source)
     if not isinstance(source, str | os.PathLike):
-        if not hasattr(source, "read"):
-            raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
         return stream_name(source), None, _all_of(source)
     if is_url(source):
         raise ReadError(f"{os.fspath(source)} is a URL: download the file first")
@@ -345,6 +352,8 @@ def _all_of(stream: BinaryIO) -> bytes:
     text = isinstance(stream, TextIOBase)
     try:
         data = b"" if text else stream.read()
+    except UnsupportedOperation:
+        raise ReadError(f'{stream_name(stream)} cannot be read: open the file in binary mode, "rb"') from None
     except (OSError, ValueError) as error:  # ValueError: the stream is closed
         why = getattr(error, "strerror", None) or error
         raise ReadError(f"{stream_name(stream)} cannot be read: {why}") from error

@@ -9,6 +9,7 @@ import tempfile
 import threading
 
 import pytest
+from shapes import icosphere
 from test_io import PLY_TEXT
 
 import cascadenorm as cn
@@ -49,7 +50,7 @@ def closed(stream):
     ("make", "words"),
     [
         (lambda path: closed(io.BytesIO(PLY_TEXT)), "the stream cannot be read: I/O operation on closed file"),
-        (lambda path: path.open("ab"), "b.ply cannot be read: "),
+        (lambda path: path.open("ab"), 'b.ply cannot be read: open the file in binary mode, "rb"'),
         (lambda path: path.open(encoding="ascii"), 'b.ply is a text stream: open the file in binary mode, "rb"'),
         (lambda path: io.StringIO("OFF"), 'the stream is a text stream: open the file in binary mode, "rb"'),
         (
@@ -75,15 +76,30 @@ def test_a_stream_of_any_kind_of_bytes_is_read():
     assert cn.read(Views()).data == PLY_TEXT
 
 
+class Unwritable(io.BytesIO):
+    """Behaves like a file that was opened for reading."""
+
+    def writable(self):
+        return False
+
+
+@pytest.mark.parametrize("source", [5, None, icosphere(1)])
+def test_sources_that_are_neither_a_path_nor_a_stream_are_refused_as_such(source):
+    for read in (cn.read, cn.denoise_file):
+        with pytest.raises(cn.ReadError, match=f"a {type(source).__name__} is neither a path nor a stream of bytes"):
+            read(source)
+
+
 @pytest.mark.parametrize(
     ("target", "words"),
     [
         (closed(io.BytesIO()), "the stream cannot be written: it is closed"),
         (io.StringIO(), 'the stream is a text stream: open the file in binary mode, "wb"'),
         (cn.read(io.BytesIO(PLY_TEXT)), "a PlyFile is neither a path nor a stream of bytes"),
+        (Unwritable(), 'the stream cannot be written: open the file in binary mode, "wb"'),
         (b"a.ply", "a bytes is neither a path nor a stream of bytes"),
     ],
-    ids=["closed", "text", "mesh", "bytes"],
+    ids=["closed", "text", "mesh", "for reading", "bytes"],
 )
 def test_targets_that_take_no_bytes_are_refused_before_anything_is_read(target, words):
     with pytest.raises(OutputError, match=re.escape(words)):
