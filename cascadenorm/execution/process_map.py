@@ -1,5 +1,6 @@
 """Process items in several processes of concurrent.futures; those of joblib outlive a killed parent."""
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -15,6 +16,8 @@ from cascadenorm.compute.threads import limit_threads
 from cascadenorm.errors import WorkerError
 from cascadenorm.execution.signals import interrupted_once
 from cascadenorm.execution.worker_processes import end_with_parent, interrupts_blocked
+
+MOST_PROCESSES = 61 if sys.platform == "win32" else 1000  # Windows cannot wait for more
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -42,7 +45,7 @@ def parallel_map(count: int) -> Iterator[Map]:
         return
     with (
         interrupted_once(),  # a second Ctrl-C while the pool stops could leave its processes waiting for work
-        ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool,
+        ProcessPoolExecutor(min(count, MOST_PROCESSES), get_context("spawn"), initializer=end_with_parent) as pool,
     ):
         try:
             yield partial(_submit, pool)

@@ -31,6 +31,11 @@ def test_each_piece_of_work_has_one_thread_and_results_come_in_order():
     assert {threads for _, *threads in found for threads in threads} == {1}
 
 
+def test_more_processes_than_a_system_can_have_are_no_error():
+    with parallel_map(10**15) as each:
+        assert list(each(abs, [-1])) == [1]
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_an_error_is_raised_where_its_result_is_asked_for(count):
     with parallel_map(count) as each:
