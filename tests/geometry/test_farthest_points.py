@@ -65,8 +65,8 @@ def test_each_component_gets_a_sample_before_any_gets_its_second_and_lone_vertic
         cn.farthest_points((vertices, faces), 127)
     with pytest.raises(cn.ParameterError, match="first is 42"):
         cn.farthest_points((vertices, faces), 3, first=42)
-    with pytest.raises(TypeError, match="integer"):
-        cn.farthest_points((vertices, faces), 3, first=2.0)
+    with pytest.raises(cn.ParameterError, match=r"first is 1\.5; it must be a whole number"):
+        cn.farthest_points((vertices, faces), 3, first=1.5)
 
 
 def test_no_two_samples_lie_in_one_place():
