@@ -226,7 +226,7 @@ def _flush(stream: BinaryIO) -> None:
             _wait(stream)
 
 
-def _wait(stream: BinaryIO) -> None:
+def _wait(stream: BinaryIO | io.RawIOBase) -> None:
     """Wait until a stream accepts bytes again."""
     with DefaultSelector() as selector:
         selector.register(stream, EVENT_WRITE)
