@@ -165,6 +165,28 @@ def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
 
 
 @needs_browser
+def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, studio, tmp_path):
+    page.at(studio).wait("empty")
+    page.js(
+        "const before = window.fetch;"
+        "window.fetch = async (path, ...rest) => {"
+        "  if (/scene/.test(path) && !window.resume) await new Promise(resume => (window.resume = resume));"
+        "  return before(path, ...rest).finally(() => (window.answered = path)); };"
+    )
+    for name in ("first.ply", "second.ply"):
+        save_mesh(tmp_path / name, ROUGH)
+    page.drop(tmp_path / "first.ply")
+    page.until(lambda: page.js("return Boolean(window.resume)"), "the first scene")
+    page.drop(tmp_path / "second.ply")
+    page.wait()
+    page.js("window.answered = ''; window.resume()")
+    page.until(lambda: page.js("return window.answered"), "the answer to the first scene")
+    page.settle()
+    assert page.one("h1").text == "second.ply" and page.one(".failed").text == ""
+    assert page.one(".said").text.startswith("Denoised in")
+
+
+@needs_browser
 def test_the_address_without_its_token_opens_nothing(page, named):
     page.driver.get("about:blank")
     page.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": f"http://{named.host}", "storageTypes": "all"})

@@ -91,6 +91,7 @@ export class Refused extends Error {
   constructor(
     message: string,
     readonly existing: string[] = [], // names of files that are there, and may be replaced
+    readonly status = 0, // of the answer
   ) {
     super(message);
   }
@@ -115,8 +116,14 @@ export class Api {
     return this.json("GET", "form");
   }
 
-  scene(number: number): Promise<PackedScene | Completion> {
-    return this.json("GET", `scene/${number}`);
+  // A scene by its number; null where it is no longer kept, since there are newer ones.
+  async scene(number: number): Promise<PackedScene | Completion | null> {
+    try {
+      return await this.json("GET", `scene/${number}`);
+    } catch (error) {
+      if (error instanceof Refused && error.status === 404) return null;
+      throw error;
+    }
   }
 
   denoise(settings: Settings, ticket: string): Promise<unknown> {
@@ -198,6 +205,6 @@ export class Api {
     }
     if (answer.ok) return answer;
     const told = (await answer.json().catch(() => ({}))) as { error?: string; existing?: string[] };
-    throw new Refused(told.error ?? `The studio answered ${answer.status}.`, told.existing);
+    throw new Refused(told.error ?? `The studio answered ${answer.status}.`, told.existing, answer.status);
   }
 }

@@ -131,6 +131,7 @@ export class Studio {
 
   private async open(opened: Opened): Promise<void> {
     this.asked = this.shown = this.sent = this.alone = null;
+    this.turn++; // what is still on its way is of another mesh
     this.root.dataset.state = "opening";
     this.dropping.zone.hidden = true;
     this.status.say("Opening the mesh…");
@@ -150,8 +151,7 @@ export class Studio {
     this.brush.element.hidden = false;
     this.history.begin(this.choices);
     this.offer();
-    await this.draw(opened.scene, false);
-    this.ask();
+    if (await this.draw(opened.scene, false)) this.ask();
   }
 
   // Open files, unless work would be lost that the user wants to keep.
@@ -227,12 +227,16 @@ export class Studio {
 
   private async answer(told: Told & { type: "shown" }): Promise<void> {
     const { settings } = this.asked!;
-    await this.draw(told.scene, true);
+    const drawn = await this.draw(told.scene, true);
+    if (this.asked?.ticket !== told.ticket) return;
     if (told.coarse) {
-      this.status.coarse();
+      if (drawn) this.status.coarse();
       return;
     }
-    if (this.asked?.ticket !== told.ticket) return;
+    if (!drawn) {
+      this.status.cancelled(); // another page has asked for newer scenes
+      return;
+    }
     this.shown = settings;
     this.unsaved = true;
     this.status.done(told);
@@ -247,10 +251,13 @@ export class Studio {
     this.root.dataset.state = "failed";
   }
 
-  private async draw(scene: number, samePlace: boolean): Promise<void> {
+  // Draw a scene, unless there is a newer one; whether it was drawn.
+  private async draw(scene: number, samePlace: boolean): Promise<boolean> {
     const turn = ++this.turn;
-    const model = await modelOf(await this.api.scene(scene), this.alone ?? undefined);
-    if (turn !== this.turn) return;
+    const packed = await this.api.scene(scene);
+    if (packed === null || turn !== this.turn) return false;
+    const model = await modelOf(packed, this.alone ?? undefined);
+    if (turn !== this.turn) return false;
     this.alone ??= { ...model, fields: [...model.fields] };
     this.result = model.surfaces[1] ?? null;
     if (this.result && this.savedAs) this.result.file = this.savedAs;
@@ -258,6 +265,7 @@ export class Studio {
     if (this.viewer) this.viewer.show(model, samePlace);
     else this.viewer = new Viewer(this.viewerRoot, model, { linked: false, unsaved: () => this.unsaved });
     this.brush.use(this.viewer);
+    return true;
   }
 
   private offer(): void {
