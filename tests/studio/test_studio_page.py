@@ -186,6 +186,19 @@ def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, stud
     assert page.one(".said").text.startswith("Denoised in")
 
 
+
+@needs_browser
+def test_hidden_files_that_come_with_a_mesh_are_left_out(page, studio, tmp_path):
+    save_mesh(tmp_path / "rough.ply", ROUGH)
+    (tmp_path / ".DS_Store").write_bytes(b"hidden")
+    page.at(studio).wait("empty")
+    page.drop(tmp_path / ".DS_Store")
+    page.said(".failed", "'.DS_Store' is not a plain file name")
+    page.drop(tmp_path / ".DS_Store", tmp_path / "rough.ply")
+    page.wait()
+    assert page.one("h1").text == "rough.ply"
+
+
 @needs_browser
 def test_the_address_without_its_token_opens_nothing(page, named):
     page.driver.get("about:blank")

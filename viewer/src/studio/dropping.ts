@@ -36,6 +36,8 @@ export class Dropping {
   }
 
   private give(files: FileList | null): void {
-    if (files?.length) this.take([...files]);
+    const all = [...(files ?? [])];
+    const shown = all.filter(({ name }) => !name.startsWith(".")); // a folder's hidden files come with the others
+    if (all.length) this.take(shown.length ? shown : all);
   }
 }
