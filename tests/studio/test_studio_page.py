@@ -186,7 +186,6 @@ def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, stud
     assert page.one(".said").text.startswith("Denoised in")
 
 
-
 @needs_browser
 def test_hidden_files_that_come_with_a_mesh_are_left_out(page, studio, tmp_path):
     save_mesh(tmp_path / "rough.ply", ROUGH)
@@ -197,6 +196,61 @@ def test_hidden_files_that_come_with_a_mesh_are_left_out(page, studio, tmp_path)
     page.drop(tmp_path / ".DS_Store", tmp_path / "rough.ply")
     page.wait()
     assert page.one("h1").text == "rough.ply"
+
+
+HOLDING = """
+const before = window.fetch;
+window.held = ['/api/denoise'];
+window.fetch = async (path, options) => {
+  if (window.held.includes(path)) {
+    window.ticket = JSON.parse(options.body).ticket ?? window.ticket;
+    await new Promise(resume => (window.resume = resume));
+  }
+  const answer = await before(path, options);
+  if (path !== '/api/events') return answer;
+  const through = new TransformStream({start: (stream) => {
+    window.tell = (told) => stream.enqueue(new TextEncoder().encode(`data: ${JSON.stringify(told)}\\n\\n`));
+  }});
+  return new Response(answer.body.pipeThrough(through));
+};
+"""
+"""Holds requests back, and tells the page of events."""
+
+
+@needs_browser
+def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_opened(page, named, tmp_path):
+    added = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": HOLDING})
+    try:
+        page.at(named)
+    finally:
+        page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
+
+    def cancelled():
+        page.until(lambda: page.js("return window.ticket"), "a request")
+        page.js("tell({type: 'cancelled', ticket: window.ticket}); window.ticket = ''")
+        page.settle()
+
+    cancelled()  # nothing but the input is shown
+    assert page.one(".said").text == "Cancelled."
+    page.js("window.held = []; window.resume()")
+    page.press_button("Denoise")
+    page.wait()
+    page.js("window.held = ['/api/denoise']")
+    page.fill(".strength input[type=range]", "0.5")
+    cancelled()
+    assert page.one(".said").text == "Cancelled. The result shown was made with other settings."
+
+    page.fill(".strength input[type=range]", "0.6")
+    page.until(lambda: page.js("return window.ticket"), "a request")
+    page.js("window.held = ['/api/open']")
+    save_mesh(tmp_path / "other.ply", ROUGH)
+    page.drop(tmp_path / "other.ply", replacing=True)
+    page.said(".status", r"Opening other\.ply")
+    cancelled()
+    assert page.one(".status").text == "Opening other.ply…"
+    page.js("window.held = []; window.resume()")
+    page.begun()
+    assert page.one("h1").text == "other.ply" and "Opening" not in page.one(".status").text
 
 
 @needs_browser

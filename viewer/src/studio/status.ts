@@ -16,11 +16,13 @@ export class Status {
   private readonly work: HTMLElement;
   private readonly again: HTMLButtonElement;
   private what = "";
+  private cancelling = false; // work that was cancelled can be started again
+  private readonly opening = make("p", { class: "said", role: "status" });
 
   constructor(cancel: () => void, again: () => void) {
     this.work = make("div", { class: "row" }, this.bar, make("button", { type: "button", click: cancel }, "Cancel"));
     this.again = make("button", { type: "button", hidden: true, click: again }, "Denoise");
-    this.element.append(this.work, this.said, this.failed, this.again, this.found, this.noted, this.text);
+    this.element.append(this.work, this.said, this.opening, this.failed, this.again, this.found, this.noted, this.text);
     this.work.hidden = this.failed.hidden = this.noted.hidden = this.text.hidden = true;
   }
 
@@ -51,21 +53,45 @@ export class Status {
     this.found.replaceChildren(...rows.flatMap(([name, text]) => [make("dt", {}, name!), make("dd", {}, text!)]));
   }
 
-  cancelled(): void {
-    if (this.failed.hidden) this.say("Cancelled. The result shown was made with other settings.");
+  // `shown` says what the viewer shows.
+  cancelled(shown: string): void {
+    if (this.failed.hidden) this.say(this.opens ? "" : `Cancelled. ${shown}`.trim());
     this.work.hidden = true;
-    this.again.hidden = false;
+    this.offer(true);
+  }
+
+  // Say what is being opened until the work is over, whatever else is said meanwhile.
+  async open(text: string, work: () => Promise<unknown>): Promise<void> {
+    this.failed.hidden = true;
+    this.opening.textContent = text;
+    this.offer(this.cancelling);
+    try {
+      await work();
+    } finally {
+      if (this.opening.textContent === text) this.opening.textContent = "";
+      this.offer(this.cancelling);
+    }
+  }
+
+  private get opens(): boolean {
+    return this.opening.textContent !== "";
+  }
+
+  private offer(cancelling: boolean): void {
+    this.cancelling = cancelling;
+    this.again.hidden = !cancelling || this.opens;
   }
 
   say(text: string): void {
     this.said.textContent = text;
-    this.again.hidden = this.work.hidden = this.failed.hidden = this.text.hidden = true;
+    this.work.hidden = this.failed.hidden = this.text.hidden = true;
+    this.offer(false);
   }
 
   fail(text: string): void {
-    const { hidden } = this.again; // work that was cancelled, for a file that cannot be opened, can be started again
+    const { cancelling } = this;
     this.say("");
-    this.again.hidden = hidden;
+    this.offer(cancelling);
     this.failed.hidden = false;
     this.failed.textContent = text;
   }

@@ -42,6 +42,7 @@ export class Studio {
   private timer = 0;
   private alone: Model | null = null; // the open mesh without a result
   private result: Surface | null = null;
+  private coarse = false; // whether it is a preview
   private savedAs = ""; // the file that was written last
   private turn = 0; // of the scenes: one that comes late is not shown
   private unsaved = false; // the result
@@ -107,7 +108,7 @@ export class Studio {
     else if (told.type === "progress") this.status.progress(told.fraction, told.left);
     else if (told.type === "shown") void this.attempt(() => this.answer(told));
     else if (told.type === "failed") this.failed(told.error, told.parameter);
-    else this.status.cancelled();
+    else this.cancelled();
   }
 
   end(): void {
@@ -131,6 +132,8 @@ export class Studio {
 
   private async open(opened: Opened): Promise<void> {
     this.asked = this.shown = this.sent = this.alone = null;
+    this.result = null;
+    this.coarse = false;
     this.turn++; // what is still on its way is of another mesh
     this.root.dataset.state = "opening";
     this.dropping.zone.hidden = true;
@@ -159,7 +162,7 @@ export class Studio {
     const { lost, opened } = this;
     const other = files.length > 1 ? `${files.length} files` : files[0].name;
     if (lost && !(await this.leaving.ask(opened!.name, other, lost))) return;
-    await this.attempt(() => this.api.drop(files), `Opening ${other}…`);
+    await this.attempt(() => this.status.open(`Opening ${other}…`, () => this.api.drop(files)));
   }
 
   // What is not saved, in words.
@@ -229,12 +232,13 @@ export class Studio {
     const { settings } = this.asked!;
     const drawn = await this.draw(told.scene, true);
     if (this.asked?.ticket !== told.ticket) return;
+    if (drawn) this.coarse = told.coarse;
     if (told.coarse) {
       if (drawn) this.status.coarse();
       return;
     }
     if (!drawn) {
-      this.status.cancelled(); // another page has asked for newer scenes
+      this.cancelled(); // another page has asked for newer scenes
       return;
     }
     this.shown = settings;
@@ -243,6 +247,11 @@ export class Studio {
     this.offer();
     this.root.dataset.state = "shown";
     this.root.dataset.answers = String(Number(this.root.dataset.answers ?? 0) + 1);
+  }
+
+  private cancelled(): void {
+    const shown = this.coarse ? "A coarse preview is shown." : "The result shown was made with other settings.";
+    this.status.cancelled(this.result ? shown : "");
   }
 
   private failed(error: string, parameter = ""): void {
@@ -288,8 +297,7 @@ export class Studio {
     });
   }
 
-  private async attempt(work: () => Promise<unknown>, saying = ""): Promise<void> {
-    if (saying) this.status.say(saying);
+  private async attempt(work: () => Promise<unknown>): Promise<void> {
     try {
       await work();
     } catch (error) {
