@@ -186,8 +186,10 @@ class Application:
     async def saved(self, request: Request) -> Response:
         """Return a file that was saved in this session, by its number from `save`."""
         number = _number(request)
-        if not 0 <= number < len(self._saved) or not Path(self._saved[number]).is_file():
+        if not 0 <= number < len(self._saved):
             raise HTTPException(404)
+        if not Path(self._saved[number]).is_file():
+            raise ReadError(f"{self._saved[number]} is no longer there", hint="save the result again")
         return FileResponse(self._saved[number], media_type="application/octet-stream")
 
     async def download(self, request: Request) -> Response:

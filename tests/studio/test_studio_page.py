@@ -253,6 +253,20 @@ def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_
     assert page.one("h1").text == "other.ply" and "Opening" not in page.one(".status").text
 
 
+
+@needs_browser
+def test_a_saved_file_that_was_removed_cannot_be_copied_and_the_page_says_so(page, named, tmp_path):
+    page.at(named).wait()
+    page.press_button("Save…")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as")
+    page.press_button("Close")
+    (tmp_path / "rough_denoised.ply").unlink()
+    page.one(".saved-files a").click()
+    page.said(".saved-files [role=status]", "rough_denoised.ply is no longer there: save the result again")
+    assert page.one(".saved-files [role=status]").is_displayed()
+
+
 @needs_browser
 def test_the_address_without_its_token_opens_nothing(page, named):
     page.driver.get("about:blank")

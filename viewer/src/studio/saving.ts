@@ -11,7 +11,8 @@ export class Saving {
   private readonly download = make("button", { type: "button", click: () => void this.downloaded() }, "Download");
   private readonly said = make("p", { class: "note", role: "status" });
   private readonly files = make("ul");
-  private readonly listed = make("section", { class: "saved-files", hidden: true }, make("h3", {}, "Saved files"), this.files);
+  private readonly missing = make("p", { class: "note", role: "status" }); // a file of the list
+  private readonly listed = make("section", { class: "saved-files", hidden: true }, make("h3", {}, "Saved files"), this.files, this.missing);
   private replaces: string[] = []; // names of files that may be replaced, when it is asked for again
   private settings: Settings | null = null;
 
@@ -99,10 +100,11 @@ export class Saving {
     for (const item of this.files.children) if ((item as HTMLElement).dataset.path === path) item.remove();
     const follow = async (event: Event) => {
       event.preventDefault();
+      this.missing.textContent = "";
       try {
         give(name, await content());
       } catch (error) {
-        this.said.textContent = (error as Error).message;
+        this.missing.textContent = (error as Error).message;
       }
     };
     const link = make("a", { href: "#", click: (event: Event) => void follow(event) }, action);
