@@ -19,7 +19,7 @@ from cascadenorm.studio.session import RequestFailed, Session
 from cascadenorm.studio.uploads import TooLarge, Uploads
 
 MOST_REQUEST_BYTES = 1 << 20  # largest size of a JSON request, in bytes
-MOST_TICKET = 100  # largest length of the ticket by which a page identifies its request
+MOST_TICKET = 100  # largest length of the ticket by which a page identifies its request, or itself
 MOST_DIGITS = 20  # length from which a number in a path was not given out
 PULSE = 1.0  # seconds without an event after which a comment is sent, so that a closed page is noticed
 
@@ -147,7 +147,8 @@ class Application:
     async def paint(self, request: Request) -> None:
         """Receive a code for each displayed vertex."""
         shown = self._session.opened.get("painted", 0)
-        await self._session.paint(await _body(request, shown))
+        page = request.query_params.get("page", "")[:MOST_TICKET]
+        await self._session.paint(await _body(request, shown), page)
 
     async def kept_paint(self, _: Request) -> Response:
         """Return the paint on the open mesh, for a page that was discarded or reloaded."""

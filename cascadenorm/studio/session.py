@@ -16,7 +16,7 @@ CANCEL_TIMEOUT_S = 3.0  # seconds after which the process of cancelled work is k
 Event = dict[str, Any]
 """Sent to the pages, as JSON.
 
-`type` is "empty", "opening", "opened", "unopened", "progress", "shown", "cancelled" or "failed".
+`type` is "empty", "opening", "opened", "unopened", "painted", "progress", "shown", "cancelled" or "failed".
 """
 
 
@@ -85,11 +85,14 @@ class Session:
         """End denoising."""
         self._cancel_before(next(self._numbers))
 
-    async def paint(self, codes: bytes) -> None:
-        """Set the paint and cancel running work."""
+    async def paint(self, codes: bytes, page: str) -> None:
+        """Set the paint and cancel running work; tell the pages which of them has changed it."""
         self.cancel()
         await self.ask("paint", codes=codes)
+        changed = codes != (self.painted or bytes(len(codes)))
         self.painted = codes
+        if changed:
+            self._tell({"type": "painted", "page": page})
 
     async def ask(self, kind: str, **arguments: Any) -> Any:
         """Return the worker's answer to a request; raises RequestFailed."""

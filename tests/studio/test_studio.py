@@ -538,6 +538,16 @@ def test_a_tab_that_was_discarded_finds_its_paint_again(studio):
     studio.done("/api/paint", bytes(len(ROUGH.vertices)))
 
 
+def test_pages_are_told_which_of_them_has_changed_the_paint(studio):
+    codes = np.zeros(len(ROUGH.vertices), np.uint8)
+    with studio.told() as events:
+        until(events, type="opened")
+        for page, pinned in [("same", 0), ("first", 10), ("again", 10), ("second", 0)]:
+            codes[:] = np.arange(len(codes)) < pinned
+            studio.done(f"/api/paint?page={page}", codes.tobytes())
+        assert [until(events, type="painted")["page"] for _ in range(2)] == ["first", "second"]
+
+
 # uploads
 
 

@@ -253,7 +253,6 @@ def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_
     assert page.one("h1").text == "other.ply" and "Opening" not in page.one(".status").text
 
 
-
 @needs_browser
 def test_a_saved_file_that_was_removed_cannot_be_copied_and_the_page_says_so(page, named, tmp_path):
     page.at(named).wait()

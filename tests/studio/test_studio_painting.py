@@ -239,3 +239,25 @@ def test_pinned_vertices_have_the_colour_of_the_legend_and_weights_another(page,
     swatch = page.js("return getComputedStyle(document.querySelector('.legend i')).backgroundColor")
     assert np.abs(shown["pin"] - np.array(re.findall(r"\d+", swatch), int)).max() <= 2
     assert np.abs(shown["mask"] - 255 * color_map(signed=False)[0]).max() <= 2
+
+
+@needs_browser
+def test_paint_of_another_page_is_shown_and_nothing_is_saved_before_the_mesh_is_denoised_with_it(page, named, tmp_path):
+    page.at(named).wait()
+    save = page.one(".bar .primary")
+    assert save.is_enabled() and not page.one(".painting button").is_displayed()
+    codes = np.zeros(len(ROUGH.vertices), np.uint8)
+    codes[:20] = 255
+    named.done("/api/paint?page=another", codes.tobytes())
+    page.said(".said", "Another page of this studio has changed the paint")
+    assert not save.is_enabled() and page.one(".painting button").is_displayed()
+    page.press_button("Denoise")
+    page.begun()
+    page.press_button("Save…")
+    page.press_button("Save beside the input")
+    page.said(".saving [role=status]", "Saved as")
+    page.press_button("Close")
+    np.testing.assert_array_equal(np.load(tmp_path / "rough_denoised_fixed.npy"), codes == 255)
+    page.press_button("Undo")
+    page.begun()
+    assert not page.one(".painting button").is_displayed()

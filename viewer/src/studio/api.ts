@@ -63,6 +63,7 @@ export type Told =
   | { type: "opening"; name: string }
   | Opened
   | { type: "unopened"; error: string }
+  | { type: "painted"; page: string }
   | { type: "progress"; ticket: string; fraction: number; left: number | null }
   | ({ type: "shown"; ticket: string; scene: number } & ({ coarse: true } | ({ coarse: false } & Outcome)))
   | { type: "cancelled"; ticket: string }
@@ -110,6 +111,8 @@ export function token(): string | null {
 }
 
 export class Api {
+  readonly page = crypto.randomUUID(); // pages of one studio share the mesh and its paint
+
   constructor(private readonly secret: string) {}
 
   form(): Promise<Form> {
@@ -153,7 +156,7 @@ export class Api {
   }
 
   paint(codes: Uint8Array<ArrayBuffer>): Promise<unknown> {
-    return this.asked("POST", "paint", codes);
+    return this.asked("POST", `paint?page=${this.page}`, codes);
   }
 
   // The paint that the server has of the open mesh, empty without one.

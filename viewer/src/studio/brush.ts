@@ -58,6 +58,7 @@ export class Brush {
 
   show(codes: Uint8Array<ArrayBuffer>): void {
     this.codes = codes;
+    this.last = null; // a stroke would go on in them
     this.repaint();
     this.update();
   }

@@ -53,9 +53,9 @@ export class Status {
     this.found.replaceChildren(...rows.flatMap(([name, text]) => [make("dt", {}, name!), make("dd", {}, text!)]));
   }
 
-  // `shown` says what the viewer shows.
-  cancelled(shown: string): void {
-    if (this.failed.hidden) this.say(this.opens ? "" : `Cancelled. ${shown}`.trim());
+  // Say why there is no result, which can be asked for.
+  cancelled(why: string): void {
+    if (this.failed.hidden) this.say(this.opens ? "" : why.trim());
     this.work.hidden = true;
     this.offer(true);
   }

@@ -104,6 +104,7 @@ export class Studio {
     else if (told.type === "opening") this.opening(told.name);
     else if (told.type === "opened") void this.attempt(() => this.open(told));
     else if (told.type === "unopened") this.unopened(told.error);
+    else if (told.type === "painted") void (told.page === this.api.page || this.attempt(() => this.repainted()));
     else if (told.ticket !== this.asked?.ticket) return;
     else if (told.type === "progress") this.status.progress(told.fraction, told.left);
     else if (told.type === "shown") void this.attempt(() => this.answer(told));
@@ -249,9 +250,22 @@ export class Studio {
     this.root.dataset.answers = String(Number(this.root.dataset.answers ?? 0) + 1);
   }
 
+  // Another page has changed the paint, which all results have.
+  private async repainted(): Promise<void> {
+    const codes = await this.api.keptPaint();
+    if (codes.length !== this.brush.codes.length) return; // of another mesh, which is opened next
+    this.sent = codes;
+    this.asked = this.shown = null;
+    this.saving.dialog.close();
+    this.brush.show(codes);
+    this.remember();
+    this.status.say("");
+    this.status.cancelled("Another page of this studio has changed the paint.");
+  }
+
   private cancelled(): void {
     const shown = this.coarse ? "A coarse preview is shown." : "The result shown was made with other settings.";
-    this.status.cancelled(this.result ? shown : "");
+    this.status.cancelled(`Cancelled. ${this.result ? shown : ""}`);
   }
 
   private failed(error: string, parameter = ""): void {
