@@ -55,7 +55,7 @@ export class Saving {
 
   // A name for what the recipe makes.
   get target(): string {
-    return this.name.value;
+    return this.name.value.trim();
   }
 
   private ask(replaces: string[]): void {
@@ -66,7 +66,7 @@ export class Saving {
   private async save(): Promise<void> {
     this.said.textContent = "Saving…";
     try {
-      const { file, files, left_out } = await this.api.save(this.settings!, this.name.value, this.replaces.length > 0);
+      const { file, files, left_out } = await this.api.save(this.settings!, this.target, this.replaces.length > 0);
       this.done(`Saved as ${file}.`, left_out);
       for (const { path, number } of files) this.list(path, baseName(path), "Download a copy", () => this.api.savedFile(number));
       this.saved(file);
@@ -84,12 +84,12 @@ export class Saving {
   private async downloaded(): Promise<void> {
     this.said.textContent = "Preparing the file…";
     try {
-      const { name, files, left_out, content } = await this.api.download(this.settings!, this.name.value);
+      const { name, files, left_out, content } = await this.api.download(this.settings!, this.target);
       give(name, content);
       const holds = files.length > 1 ? `, which holds ${files.slice(0, -1).join(", ")} and ${files[files.length - 1]}` : "";
       this.done(`Downloaded as ${name}${holds}.`, left_out);
       this.list(`${name}, in the browser's downloads`, name, "Download again", async () => content);
-      this.saved(this.name.value);
+      this.saved(this.target);
     } catch (error) {
       this.said.textContent = (error as Error).message;
     }
