@@ -17,7 +17,8 @@ from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned import stage_normals
 from cascadenorm.mesh import Mesh
 
-RIBBON = noisy(grid(400, 6), 0.25, seed=4)  # without triangles so thin that rounding turns them
+AGREES = 1e-5  # of an edge; rounding in products of matrices, made larger by what follows
+RIBBON = noisy(grid(400, 6), 0.1, seed=4)  # without triangles so thin that rounding turns them, on any processor
 """Much longer than a halo is wide, so that patches are parts of it."""
 BALL = noisy(icosphere(4), 0.2)
 
@@ -59,7 +60,7 @@ MESHES = {
     "open": lambda: RIBBON,
     "non-manifold": with_fin,
     "many components": many,
-    "shuffled": lambda: shuffled(noisy(grid(700, 6), 0.25, seed=1)),
+    "shuffled": lambda: shuffled(noisy(grid(700, 6), 0.1, seed=1)),
 }
 EXACT = {
     "taubin": {"iterations": 5},
@@ -72,16 +73,6 @@ EXACT = {
     "guided-normal": {"iterations": 2},
 }
 """Methods of which each result is the same to the last bit, and parameters that save time."""
-
-
-def assert_near(one: np.ndarray, other: np.ndarray, edge: float) -> None:
-    """Check that vertices agree but for rounding in products of matrices.
-
-    It depends on the processor, and what follows makes it larger at a few vertices.
-    """
-    distances = np.abs(one - other).max(axis=1) / edge
-    assert np.quantile(distances, 0.99) < 1e-5
-    assert distances.max() < 1e-3
 
 
 def in_patches(mesh: Mesh, faces: int, *, spare: int = 0, each=map, **settings) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +99,7 @@ def test_auto_agrees_with_the_whole(name):
     mesh = MESHES[name]()
     spare = 500_000 if name == "open" else 0  # some of the filtered normals are kept, others filtered twice
     whole, patches = in_patches(mesh, 4000, spare=spare, method="auto")
-    assert_near(patches, whole, mesh.mean_edge_length)
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
     assert np.abs(whole - mesh.vertices).max() > 0.1 * mesh.mean_edge_length
 
 
@@ -117,13 +108,13 @@ def test_auto_leaves_components_without_noise_in_patches_as_well():
     mesh = in_a_row(clean, RIBBON)
     whole, patches = in_patches(mesh, 1500)
     np.testing.assert_array_equal(patches[: len(clean.vertices)], mesh.vertices[: len(clean.vertices)])
-    assert_near(patches, whole, mesh.mean_edge_length)
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
 
 
 def test_auto_works_on_patches_that_own_no_face():
     mesh = noisy(cube(3), 0.1)
     whole, patches = in_patches(mesh, 30)  # some patches have a single vertex inside, the first corner of no face
-    assert_near(patches, whole, mesh.mean_edge_length)
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
 
 
 def test_filtered_normals_are_kept_or_made_again(monkeypatch):
@@ -143,7 +134,7 @@ def test_cascade_agrees_with_the_whole_and_widens_halos(monkeypatch):
     monkeypatch.setattr(stage_normals, "BY_DISTANCE", 3)
     mesh = in_a_row(RIBBON, noisy(icosphere(2), 0.2))
     whole, patches = in_patches(mesh, 1500, method="cascade")
-    assert_near(patches, whole, mesh.mean_edge_length)
+    assert np.abs(patches - whole).max() < AGREES * mesh.mean_edge_length
 
 
 @pytest.mark.parametrize("guidance", ["patch", "gaussian"])
