@@ -90,7 +90,15 @@ def test_noise_from_seeds_replaces_the_noisy_meshes_and_the_spread_is_told(folde
     assert len(tables.all_tables(again)) == 2
 
 
-@pytest.mark.parametrize("wrong", [{"noise": -1.0}, {"noise": float("nan")}, {"seeds": 3}, {"noise": 0.1, "seeds": 0}])
-def test_noise_and_seeds_out_of_range_are_refused(folder, wrong):
-    with pytest.raises(ParameterError, match="it must be"):
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"noise": -1.0}, "noise is -1.0; it must be at least 0"),
+        ({"noise": float("nan")}, "noise is nan; it must be at least 0"),
+        ({"seeds": 3}, "seeds is 3; it must be 1 without noise"),
+        ({"noise": 0.1, "seeds": 0}, "seeds is 0; it must be at least 1"),
+    ],
+)
+def test_noise_and_seeds_out_of_range_are_refused(folder, wrong, words):
+    with pytest.raises(ParameterError, match=words):
         evaluate(folder, methods="bilateral-normal", **wrong)
