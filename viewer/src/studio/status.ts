@@ -55,7 +55,7 @@ export class Status {
 
   // Say why there is no result, which can be asked for.
   cancelled(why: string): void {
-    if (this.failed.hidden) this.say(this.opens ? "" : why.trim());
+    if (this.failed.hidden) this.say(this.opens ? "" : why);
     this.work.hidden = true;
     this.offer(true);
   }

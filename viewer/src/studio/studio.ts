@@ -265,7 +265,7 @@ export class Studio {
 
   private cancelled(): void {
     const shown = this.coarse ? "A coarse preview is shown." : "The result shown was made with other settings.";
-    this.status.cancelled(`Cancelled. ${this.result ? shown : ""}`);
+    this.status.cancelled(this.result ? `Cancelled. ${shown}` : "Cancelled.");
   }
 
   private failed(error: string, parameter = ""): void {
