@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from browsers import needs_browser, webdriver
 from report_pages import CLEAN, FACE_ON, ROUGH, ReportBrowser, same_pixels
+from selenium.webdriver.common.keys import Keys
 from shapes import grid, noisy
 
 import cascadenorm as cn
@@ -107,6 +108,11 @@ def test_the_handle_of_the_split_is_dragged_and_moved_by_keys(browser, report):
     handle.send_keys("\ue014")  # arrow to the right
     assert float(browser.state()["split"]) == pytest.approx(0.32, abs=0.01)
     assert handle.get_attribute("aria-valuenow") == "32"
+    view = browser.state()["view"]
+    for keys, split in ((Keys.UP, 0.34), (Keys.DOWN * 2, 0.3), (Keys.END, 1), (Keys.HOME, 0)):
+        handle.send_keys(keys)
+        assert float(browser.state()["split"]) == pytest.approx(split, abs=0.01)
+    assert browser.state()["view"] == view
 
 
 @needs_browser

@@ -254,6 +254,58 @@ def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_
 
 
 @needs_browser
+def test_work_is_cancelled_and_started_again_by_the_same_key(page, named):
+    added = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": HOLDING})
+    try:
+        page.at(named)
+    finally:
+        page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
+    page.until(lambda: page.js("return window.ticket"), "a request")
+    button = next(one for one in page.driver.find_elements("css selector", "button") if one.text == "Cancel")
+    button.send_keys(Keys.ENTER)
+    for event in ("{type: 'progress', fraction: 0.5, left: 9}", "{type: 'shown', coarse: true, scene: 0}"):
+        assert page.one(".said").text == "Cancelling…"  # what comes meanwhile does not hide it
+        page.js(f"tell({{ticket: window.ticket, ...{event}}})")
+        page.settle()
+    page.js("tell({type: 'cancelled', ticket: window.ticket}); window.held = []; window.resume()")
+    page.settle()
+    assert page.js("return document.activeElement.textContent") == "Denoise"
+    page.driver.switch_to.active_element.send_keys(Keys.ENTER)
+    page.wait()
+    assert "Denoised in" in page.one(".said").text
+
+
+@needs_browser
+def test_the_panel_stays_as_it_is_when_a_result_comes(page, named):
+    page.at(named).wait()
+    page.fill(".panel section:nth-of-type(2) select", "displacement")
+    page.one(".panel summary").click()
+    page.js("document.querySelector('.panel').scrollTop = 120; document.querySelector('.panel summary').focus()")
+    page.fill(".strength input[type=range]", "0.5")
+    page.begun()
+    kept = "const p = document.querySelector('.panel'); return [p.scrollTop, p.querySelector('details').open]"
+    assert page.js(kept) == [120, True]
+    assert page.js("return document.activeElement.tagName") == "SUMMARY"
+    assert page.js("return document.querySelector('.panel .histogram h3').innerText").startswith("Displacement")
+
+
+@needs_browser
+@pytest.mark.parametrize(("mode", "shown"), [("Side by side", ["Before", "After"]), ("One", ["After"])])
+def test_a_page_that_is_loaded_again_and_another_mesh_are_shown_in_the_same_mode(page, named, tmp_path, mode, shown):
+    page.at(named).wait()
+    next(one for one in page.driver.find_elements("css selector", ".panel label") if one.text == mode).click()
+    page.address()
+    page.js("window.onbeforeunload = null")
+    page.driver.refresh()
+    page.wait()
+    assert [name.text for name in page.driver.find_elements("css selector", ".names span")] == shown
+    save_mesh(tmp_path / "other.ply", ROUGH)
+    page.drop(tmp_path / "other.ply", replacing=True)
+    page.begun()
+    assert [name.text for name in page.driver.find_elements("css selector", ".names span")] == shown
+
+
+@needs_browser
 def test_a_saved_file_that_was_removed_cannot_be_copied_and_the_page_says_so(page, named, tmp_path):
     page.at(named).wait()
     page.press_button("Save…")

@@ -41,19 +41,23 @@ export function choice<T extends string>(
   return { element, update };
 }
 
+// One of the values that there are now.
 export function selection(
   label: string,
-  options: readonly (readonly [string, string])[],
+  options: () => readonly (readonly [string, string])[],
   chosen: () => string,
   choose: (value: string) => void,
 ): { element: HTMLElement; update: () => void } {
-  const select = make(
-    "select",
-    { change: () => choose(select.value) },
-    ...options.map(([value, text]) => make("option", { value }, text)),
-  );
+  const select = make("select", { change: () => choose(select.value) });
   const element = make("label", { class: "row" }, make("span", {}, label), select);
-  return { element, update: () => void (select.value = chosen()) };
+  let offered = "";
+  const update = () => {
+    const now = options();
+    if (String(now) !== offered) select.replaceChildren(...now.map(([value, text]) => make("option", { value }, text)));
+    offered = String(now);
+    select.value = chosen();
+  };
+  return { element, update };
 }
 
 export function checkbox(

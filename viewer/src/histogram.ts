@@ -30,7 +30,6 @@ export class Histogram {
   private redraw = () => {};
   private field: Field | null = null;
   private limits: [number, number] = [0, 1];
-  private counted: { key: string; counts: number[][] } = { key: "", counts: [] };
 
   constructor(private readonly pick: (range: [number, number] | null) => void) {
     const typed = () => {
@@ -57,9 +56,8 @@ export class Histogram {
   show(field: Field, series: Series[], limits: [number, number], range: [number, number] | null): void {
     this.field = field;
     this.limits = limits;
-    const key = [field.name, ...series.map(({ label }) => label), ...limits].join();
-    if (key !== this.counted.key) this.counted = { key, counts: series.map(({ values }) => this.count(values)) };
-    this.redraw = () => this.draw(series, range);
+    const counts = series.map(({ values }) => this.count(values));
+    this.redraw = () => this.draw(series, counts, range);
     this.log.update();
     this.redraw();
   }
@@ -75,7 +73,7 @@ export class Histogram {
     return counts;
   }
 
-  private draw(series: Series[], range: [number, number] | null): void {
+  private draw(series: Series[], counts: number[][], range: [number, number] | null): void {
     const field = this.field!;
     const [low, high] = this.limits;
     const colors = colorMap(field.signed);
@@ -83,19 +81,19 @@ export class Histogram {
       const at = 4 * Math.round(place * (STEPS - 1));
       return `rgb(${colors[at]},${colors[at + 1]},${colors[at + 2]})`;
     };
-    const tallest = Math.max(...this.counted.counts.flat(), 1);
+    const tallest = Math.max(...counts.flat(), 1);
     const share = (count: number) => (this.logarithmic ? Math.log1p(count) / Math.log1p(tallest) : count / tallest);
     const y = (count: number) => HEIGHT - (count > 0 ? Math.max((HEIGHT - 2) * share(count), 1) : 0);
     const [step, parts] = [WIDTH / BARS, [] as Node[]];
-    const last = this.counted.counts.length - 1;
-    this.counted.counts[last].forEach((count, i) => {
+    const last = counts.length - 1;
+    counts[last].forEach((count, i) => {
       const middle = low + ((i + 0.5) / BARS) * (high - low);
       const lit = !range || (middle >= range[0] && middle <= range[1]);
       const box = { x: i * step, y: y(count), width: step - 0.6, height: HEIGHT - y(count) };
       parts.push(makeSvg("rect", { ...box, class: lit ? "bar" : "bar dim" }));
     });
     if (last > 0) {
-      const outline = this.counted.counts[0].map((count, i) => `H${i * step}V${y(count)}H${(i + 1) * step}`).join("");
+      const outline = counts[0].map((count, i) => `H${i * step}V${y(count)}H${(i + 1) * step}`).join("");
       parts.push(makeSvg("path", { d: `M0 ${HEIGHT}${outline}V${HEIGHT}`, class: "outline" }));
     }
     const stops = Array.from({ length: STOPS + 1 }, (_, i) => makeSvg("stop", { offset: i / STOPS, "stop-color": color(i / STOPS) }));

@@ -28,16 +28,23 @@ export class Panel {
   private readonly updates: (() => void)[] = [];
   private readonly histogram: Histogram;
   private readonly figures = make("div", { class: "figures", "aria-live": "polite" });
+  private readonly hint = make("p", { class: "note" }, "Click a face to inspect it.");
+  private readonly copied = make("p", { class: "note", role: "status" });
 
   constructor(
-    private readonly model: Model,
+    private model: Model,
     private readonly stage: Stage,
     private readonly change: (change: Partial<State>) => void,
     private readonly where: Where,
   ) {
     this.histogram = new Histogram((range) => change({ range }));
-    if (model.surfaces.length > 1) this.element.append(this.compared());
-    this.element.append(this.painted(), this.lit(), this.picked(), this.links(), keys());
+    this.element.append(this.compared(), this.painted(), this.lit(), this.picked(), this.links(), keys());
+  }
+
+  // Show another model with the same elements: they keep the focus, and the panel its place.
+  show(model: Model): void {
+    this.model = model;
+    this.copied.replaceChildren();
   }
 
   private get state(): State {
@@ -54,26 +61,30 @@ export class Panel {
   }
 
   private compared(): HTMLElement {
-    const names = this.model.surfaces.map(({ name, label }) => [name, label] as const);
+    const names = () => this.model.surfaces.map(({ name, label }) => [name, label] as const);
     const modes: (readonly [Mode, string])[] = [["one", "One"], ["split", "Split"], ["side", "Side by side"]];
     const left = this.add(selection("Left", names, () => this.state.left, (left) => this.change({ left })));
     const right = this.add(selection("Right", names, () => this.state.right, (right) => this.change({ right })));
-    this.updates.push(() => {
-      left.querySelector("span")!.textContent = this.state.mode === "one" ? "Shown" : "Left";
-      right.querySelector("span")!.textContent = this.state.mode === "one" ? "Key B" : "Right";
-    });
-    return make(
+    const section = make(
       "section",
       {},
       this.add(choice("Compare", modes, () => this.state.mode, (mode) => this.change({ mode }))),
       make("div", { class: "pair" }, left, right),
     );
+    this.updates.push(() => {
+      section.hidden = this.model.surfaces.length === 1;
+      left.querySelector("span")!.textContent = this.state.mode === "one" ? "Shown" : "Left";
+      right.querySelector("span")!.textContent = this.state.mode === "one" ? "Key B" : "Right";
+    });
+    return section;
   }
 
   private painted(): HTMLElement {
-    const options: [string, string][] = [["", "None"]];
-    if (this.model.surfaces.some(({ colors }) => colors)) options.push(["vertex", "Vertex colours"]);
-    options.push(...this.model.fields.map(({ name, label }) => [name, label] as [string, string]));
+    const options = () => {
+      const { surfaces, fields } = this.model;
+      const own: [string, string][] = surfaces.some(({ colors }) => colors) ? [["vertex", "Vertex colours"]] : [];
+      return [["", "None"], ...own, ...fields.map(({ name, label }) => [name, label])] as [string, string][];
+    };
     const color = this.add(
       selection("Colour", options, () => this.state.color, (color) => this.change({ color, limits: null, range: null })),
     );
@@ -137,14 +148,14 @@ export class Panel {
   }
 
   private picked(): HTMLElement {
-    this.describe(null);
+    this.figures.append(this.hint);
     return make("section", {}, make("h3", {}, "Face"), this.figures);
   }
 
   // Say what is known of a face.
   describe(picked: { name: string; face: number } | null): void {
     if (!picked) {
-      this.figures.replaceChildren(make("p", { class: "note" }, "Click a face to inspect it."));
+      if (!this.hint.isConnected) this.figures.replaceChildren(this.hint); // readers say what changes here
       return;
     }
     const surface = this.model.surfaces.find(({ name }) => name === picked.name)!;
@@ -167,13 +178,12 @@ export class Panel {
   }
 
   private links(): HTMLElement {
-    const said = make("p", { class: "note", role: "status" });
     const copy = async (text: string, needs = "") => {
       try {
         await navigator.clipboard.writeText(text);
-        said.textContent = `Copied.${needs}`;
+        this.copied.textContent = `Copied.${needs}`;
       } catch {
-        said.replaceChildren("Copy this: ", make("code", {}, text), needs);
+        this.copied.replaceChildren("Copy this: ", make("code", {}, text), needs);
       }
     };
     const file = (name: string) => this.model.surfaces.find((one) => one.name === name)?.file ?? null;
@@ -191,14 +201,13 @@ export class Panel {
       const last = this.model.surfaces[this.model.surfaces.length - 1].file;
       return this.where.unsaved?.() && files().includes(last) ? ` It reads ${last}: save the result first.` : "";
     };
-    const buttons = [make("button", { type: "button", click: () => this.stage.look(this.stage.home()) }, "Reset view")];
-    if (this.where.linked) {
-      buttons.push(make("button", { type: "button", click: () => void copy(location.href) }, "Copy link to this view"));
-    }
-    if (this.model.surfaces.every((surface) => surface.file)) {
-      buttons.push(make("button", { type: "button", click: () => void copy(command(), unsaved()) }, "Copy view as command line"));
-    }
-    return make("section", {}, make("div", { class: "buttons" }, ...buttons), said);
+    const button = (label: string, click: () => void) => make("button", { type: "button", click }, label);
+    const again = button("Copy link to this view", () => void copy(location.href));
+    const drawing = button("Copy view as command line", () => void copy(command(), unsaved()));
+    again.hidden = !this.where.linked;
+    this.updates.push(() => (drawing.hidden = !this.model.surfaces.every((surface) => surface.file)));
+    const reset = button("Reset view", () => this.stage.look(this.stage.home()));
+    return make("section", {}, make("div", { class: "buttons" }, reset, again, drawing), this.copied);
   }
 
   private label(name: string): string {

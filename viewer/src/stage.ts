@@ -6,7 +6,7 @@ import { colorMap, STEPS } from "./colors";
 import { Drawn } from "./drawn";
 import { Field, Model } from "./model";
 import { Picker } from "./picking";
-import { LIGHTS, State, Up, View } from "./state";
+import { LIGHTS, Mode, State, Up, View } from "./state";
 
 const FIELD_OF_VIEW = 30; // degrees, over the shorter side of what is seen, as `render` takes it
 const Y = new THREE.Vector3(0, 1, 0);
@@ -87,8 +87,14 @@ export class Stage {
     return this.state.limits ?? this.field?.limits ?? [0, 1];
   }
 
+  // A surface alone needs one pane.
+  get mode(): Mode {
+    return this.model.surfaces.length > 1 ? this.state.mode : "one";
+  }
+
   panes(): Pane[] {
-    const { mode, left, right, split } = this.state;
+    const { mode } = this;
+    const { left, right, split } = this.state;
     const width = this.canvas.clientWidth;
     if (mode === "one") return [{ name: left, x: 0, width, from: 0, to: width }];
     if (mode === "split") {

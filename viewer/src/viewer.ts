@@ -6,12 +6,12 @@ import { Place } from "./format";
 import { Field, Model } from "./model";
 import { Panel, Where } from "./panel";
 import { Stage } from "./stage";
-import { fromHash, State, toHash } from "./state";
+import { fromHash, Mode, State, toHash } from "./state";
 
 export class Viewer {
   readonly stage: Stage;
   readonly holder = make("div", { class: "stage" });
-  private panel: Panel;
+  private readonly panel: Panel;
   private readonly names = make("div", { class: "names", "aria-hidden": "true" });
   private readonly handle = make("div", {
     class: "handle",
@@ -30,10 +30,10 @@ export class Viewer {
   constructor(
     root: HTMLElement,
     private model: Model,
-    private readonly where: Where = { linked: true },
+    where: Where = { linked: true },
   ) {
     this.stage = new Stage(model, initial(model));
-    this.panel = this.newPanel();
+    this.panel = new Panel(model, this.stage, (change) => this.change(change), where);
     const { canvas } = this.stage;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
@@ -56,18 +56,15 @@ export class Viewer {
   // Show other meshes: from the same place if they lie where the former ones do, else as a whole.
   show(model: Model, samePlace: boolean): void {
     const before = this.model.surfaces.map(({ name }) => name).join();
-    const { mode, left, right } = initial(model);
     const faces = (of: Model) => of.surfaces.find(({ name }) => name === this.picked?.name)?.triangles;
     if (faces(model) !== faces(this.model)) this.picked = null;
     this.model = model;
     this.place = null;
     this.stage.show(model, samePlace);
     const { state } = this.stage;
-    if (before !== model.surfaces.map(({ name }) => name).join()) Object.assign(state, { mode, left, right });
+    if (before !== model.surfaces.map(({ name }) => name).join()) Object.assign(state, sides(model, state.mode));
     if (!this.stage.field && state.color !== "vertex") Object.assign(state, { color: "", limits: null, range: null });
-    const panel = this.newPanel();
-    this.panel.element.replaceWith(panel.element);
-    this.panel = panel;
+    this.panel.show(model);
     this.stage.mark(this.picked);
     this.panel.describe(this.picked);
     this.noteDecimated();
@@ -88,10 +85,6 @@ export class Viewer {
     this.panel.update();
     this.stage.draw();
     this.save();
-  }
-
-  private newPanel(): Panel {
-    return new Panel(this.model, this.stage, (change) => this.change(change), this.where);
   }
 
   private noteDecimated(): void {
@@ -132,12 +125,12 @@ export class Viewer {
     const label = (name: string) => this.model.surfaces.find((one) => one.name === name)!.label;
     this.names.replaceChildren(
       ...panes.map(({ name, from, to }, i) => {
-        const last = i > 0 && this.stage.state.mode === "split";
+        const last = i > 0 && this.stage.mode === "split";
         const side = last ? `right:${this.stage.canvas.clientWidth - to}px` : `left:${from}px`;
         return make("span", { style: side }, label(name));
       }),
     );
-    this.handle.hidden = this.stage.state.mode !== "split";
+    this.handle.hidden = this.stage.mode !== "split";
     this.handle.style.left = `${100 * this.stage.state.split}%`;
     this.handle.setAttribute("aria-valuenow", String(Math.round(100 * this.stage.state.split)));
     const seen = this.place ? this.stage.project(this.place) : [];
@@ -186,8 +179,9 @@ export class Viewer {
     const actions: Record<string, () => void> = {
       ArrowLeft: () => (onHandle ? split(-0.02) : this.stage.turn(-step, 0)),
       ArrowRight: () => (onHandle ? split(0.02) : this.stage.turn(step, 0)),
-      ArrowUp: () => this.stage.turn(0, step),
-      ArrowDown: () => this.stage.turn(0, -step),
+      ArrowUp: () => (onHandle ? split(0.02) : this.stage.turn(0, step)),
+      ArrowDown: () => (onHandle ? split(-0.02) : this.stage.turn(0, -step)),
+      ...(onHandle && { Home: () => split(-1), End: () => split(1) }),
       "+": () => this.stage.turn(0, 0, 1.2),
       "=": () => this.stage.turn(0, 0, 1.2),
       "-": () => this.stage.turn(0, 0, 1 / 1.2),
@@ -225,12 +219,16 @@ export class Viewer {
   }
 }
 
+// The first two surfaces; alone, the second, which is the result.
+function sides({ surfaces }: Model, mode: Mode): Pick<State, "left" | "right"> {
+  const [first, second] = [surfaces[0].name, surfaces[Math.min(1, surfaces.length - 1)].name];
+  return mode === "one" ? { left: second, right: first } : { left: first, right: second };
+}
+
 function initial(model: Model): State {
-  const names = model.surfaces.map(({ name }) => name);
   return {
-    mode: names.length > 1 ? "split" : "one",
-    left: names[0],
-    right: names[Math.min(1, names.length - 1)],
+    mode: "split",
+    ...sides(model, "split"),
     split: 0.5,
     light: "clay",
     angle: 150,

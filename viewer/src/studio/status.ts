@@ -14,13 +14,21 @@ export class Status {
   private readonly found = make("dl", { class: "keys found" });
   private readonly text = make("pre", {}, make("code"));
   private readonly work: HTMLElement;
+  private readonly cancel: HTMLButtonElement;
   private readonly again: HTMLButtonElement;
   private what = "";
+  private ending = false; // work was cancelled, and may go on for seconds
   private cancelling = false; // work that was cancelled can be started again
   private readonly opening = make("p", { class: "said", role: "status" });
 
   constructor(cancel: () => void, again: () => void) {
-    this.work = make("div", { class: "row" }, this.bar, make("button", { type: "button", click: cancel }, "Cancel"));
+    const end = () => {
+      this.ending = true;
+      this.said.textContent = "Cancelling…";
+      cancel();
+    };
+    this.cancel = make("button", { type: "button", click: end }, "Cancel");
+    this.work = make("div", { class: "row" }, this.bar, this.cancel);
     this.again = make("button", { type: "button", hidden: true, click: again }, "Denoise");
     this.element.append(this.work, this.said, this.opening, this.failed, this.again, this.found, this.noted, this.text);
     this.work.hidden = this.failed.hidden = this.noted.hidden = this.text.hidden = true;
@@ -29,20 +37,24 @@ export class Status {
   begin(): void {
     this.what = "Denoising";
     this.found.replaceChildren();
+    const focused = this.again === document.activeElement;
+    this.ending = false;
     this.say("Denoising…");
     this.bar.value = 0;
     this.work.hidden = false;
+    if (focused) this.cancel.focus();
   }
 
   // A coarse mesh is shown, and the whole one is on its way.
   coarse(): void {
     this.what = "This is a coarse preview. Denoising the whole mesh";
-    this.said.textContent = `${this.what}…`;
+    if (!this.ending) this.said.textContent = `${this.what}…`;
     this.bar.value = 0;
   }
 
   progress(fraction: number, left: number | null): void {
     this.bar.value = fraction;
+    if (this.ending) return;
     this.said.textContent = left === null || left < SOON ? `${this.what}…` : `${this.what}: about ${duration(left)} left.`;
   }
 
@@ -55,9 +67,11 @@ export class Status {
 
   // Say why there is no result, which can be asked for.
   cancelled(why: string): void {
+    const focused = this.cancel === document.activeElement;
     if (this.failed.hidden) this.say(this.opens ? "" : why);
     this.work.hidden = true;
     this.offer(true);
+    if (focused) this.again.focus();
   }
 
   // Say what is being opened until the work is over, whatever else is said meanwhile.
