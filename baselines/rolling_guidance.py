@@ -63,8 +63,8 @@ def rolling_guidance_normal(
 def rolled_normals(mesh: Mesh, *, width: float, sigma: float, iterations: int) -> Vectors:
     """Diffuse the face normals evenly, then `iterations` times again, less across edges of the previous result.
 
-    One average is n ← (A + tL)⁻¹ A (A + tL)⁻¹ A n over the graph of faces, A their areas. A half-wave as wide as
-    `width`, which is positive and in mesh units, is halved by it, for t = (√2 - 1)(width/π)². The weight of two faces
+    One average is n ← (A + tL)⁻¹ A (A + tL)⁻¹ A n over the graph of faces, where A are their areas. With t = (√2 -
+    1)(width/π)², it halves a half-wave as wide as `width`, which is positive and in mesh units. The weight of two faces
     in L is the length of their common edge over the distance d of their centroids across it, times exp(-(width |g_1 -
     g_2|/d)²/2σ²) with the guidance normals g. Returns (m, 3) unit normals; a face whose average vanishes keeps its
     normal.

@@ -24,7 +24,7 @@ Foldovers = Literal["avoid", "ignore"]  # handling of steps that flip faces agai
 OVER_RELAXATION = 1.5  # of the steps with cotangent weights
 PUBLISHED_RELAXATION = 2 / 3  # a published step goes to the mean of three corners, of which one is the vertex itself
 LEAST_HEIGHT = 0.02  # height of a face, relative to its longest side, below which its weights no longer grow
-ATTACHMENT = 0.015  # μ, weight of the given positions; a smaller one overfits filtered normals, which no surface has
+ATTACHMENT = 0.015  # μ, weight of the given positions; a smaller one overfits normals, which fit no surface exactly
 
 
 def recover_vertices(
@@ -49,9 +49,9 @@ def recover_vertices(
 
     Unless foldovers are ignored, as published, a step that would flip a face against its normal is shortened. Vertices
     of a face that is already flipped are pulled toward the mean of their neighbours until it has the right orientation.
-    Each sweep updates one group of vertices that share no face after the other. Only `movable` vertices, (n,), move;
-    None selects all. A face whose normal is a zero row has no influence, and a vertex without a face does not move.
-    Returns (n, 3) vertices.
+    Each sweep processes the vertices in groups in which no two share a face. Only `movable` vertices, (n,), move; None
+    selects all. A face whose normal is a zero row has no influence, and a vertex without a face does not move. Returns
+    (n, 3) vertices.
     """
     vertices = mesh.vertices.copy()
     around, colors = mesh.topology.vertex_faces, mesh.topology.vertex_colors

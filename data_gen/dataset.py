@@ -67,8 +67,7 @@ class DatasetConfig:
     # families that cameras see, and to half of their meshes. If it is the only kind, it applies to all meshes
     noise_kinds: tuple[NoiseKind, ...] = USUAL_KINDS
     # share of the meshes whose shape gets a smooth relief a few edges wide. Most of these have no noise if the noise
-    # kinds include "none". Shapes measured by cameras or in volumes and parts that never have noise get
-    # no relief
+    # kinds include "none". Shapes that cameras or volumes measure, and parts that never have noise, get no relief
     relief: float = 0.0
     # noise level in mean edge lengths, drawn log-uniformly. The levels of volumes and point clouds have units of their
     # own, and half of them are drawn uniformly, up to STRONGEST times max_level
@@ -206,7 +205,7 @@ def _disturbed(clean: Mesh, family: str, kind: NoiseKind, level: float, *, rng: 
 
 
 def _narrowness(mesh: Mesh) -> float:
-    """Return the ratio of the mean height of the triangles to that of equilateral ones with the mean edge length."""
+    """Return the mean height of the triangles, relative to that of an equilateral one with the mean edge length."""
     return float(mesh.heights.mean() / mesh.mean_edge_length) * 2 / math.sqrt(3)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import cascadenorm.baselines  # noqa: F401 - registers its methods, as the learned ones do
 from cascadenorm.api.apply import run_with_controls
-from cascadenorm.api.halo import Whole as Whole  # whose methods are registered here
+from cascadenorm.api.halo import Whole as Whole  # public here, since this module registers all methods
 from cascadenorm.api.opened_files import Denoised, DenoisingSummary, opened_file, written_file
 from cascadenorm.api.patch_sizes import STEPWISE_METHODS, check_works_in_patches, patches_within, works_in_patches
 from cascadenorm.api.seamless import SeamlessMesh
@@ -158,7 +158,7 @@ def denoise_file(
         Parameters of the method.
     memory
         Memory limit for the process, as bytes or as text like "4GB". If the whole mesh needs more, the method works in
-        patches, and the result agrees to 1e-5 of an edge (docs/patches.md). None sets no limit.
+        patches, and the result agrees to 1e-5 of an edge at nearly all vertices (docs/patches.md). None sets no limit.
     scheduler
         Address of a Dask scheduler whose workers process the patches, or "local" for a cluster on this machine.
         `memory` then applies to each worker process.
@@ -169,7 +169,7 @@ def denoise_file(
 
     Returns
     -------
-    Summary of the run. Isolated faces keep their places in the file
+    Summary of the run. With `on_bad="isolate"`, bad faces keep their places in the file
 
     Raises
     ------

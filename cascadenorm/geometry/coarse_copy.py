@@ -47,7 +47,7 @@ class CoarseCopy(NamedTuple):
     labels: Ints32  # (n,) vertex of the copy for the cluster of each vertex; -1 for a vertex without a face
 
     def feet(self, points: Vectors) -> Feet:
-        """Find the nearest point on the copy to each vertex, (n, 3).
+        """Find the point on the copy that is nearest to each vertex of the mesh, (n, 3).
 
         The search visits the faces within two rings of the vertex's cluster. This distinguishes sheets that are close
         together, and the cost per vertex does not depend on the size of the copy.
@@ -62,10 +62,10 @@ class CoarseCopy(NamedTuple):
         return Feet(faces, weights, outside)
 
     def carried_over(self, points: Vectors, vertices: Vectors) -> Vectors:
-        """Project vertices, (n, 3), onto the copy and return the same points on its deformed version.
+        """Project points, (n, 3), onto the copy and return where they are on the copy with other vertices, (k, 3).
 
-        A vertex beyond the boundary of the copy keeps its tangential distance from it. Vertices without a face of the
-        copy nearby stay in place.
+        A point beyond the boundary of the copy keeps its tangential distance from it. Points without a face of the copy
+        nearby stay in place.
         """
         feet, after = self.feet(points), self.mesh.moved(vertices)
         beyond = points - feet.places(self.mesh)

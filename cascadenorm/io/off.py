@@ -77,7 +77,7 @@ class OffFile(MeshFile):
         return columns, self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
 
     def _colors_first(self) -> bool:
-        """Whether four channels of colours precede the normals: NCOFF of VCG has them so, that of Open3D does not."""
+        """Whether four channels of colours precede the normals, as in NCOFF files of VCG but not in those of Open3D."""
         if "NC" not in self._flavour or not len(self._vertices):
             return False
         return bool(np.isclose(np.linalg.norm(self._normals()[1], axis=1), 1, atol=0.01).mean() < 0.5)

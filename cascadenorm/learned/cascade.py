@@ -22,9 +22,9 @@ from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Mesh, Vectors
 
 CASCADE_FORMATS = ("cascadenorm/8", "cascadenorm/7", "cascadenorm/6")
-"""Formats of weights files. The first one is written. A format identifies the constants in `descriptors` and
-`features` too: add a format when a constant changes. In the second one, networks read all pairs of filtered normals; in
-the third one, weightings have other names as well. Both have a setting `neighborhood` for stages."""
+"""Formats of weights files. The first one is written. A format also identifies the constants in `descriptors` and
+`features`: add a format when a constant changes. In the older formats, networks read all pairs of filtered normals, and
+stages have a setting `neighborhood`; in the oldest one, weightings also have other names."""
 OLD_WEIGHTINGS = {"heights": "uniform", "angles": "cotangent", "inverse-height": "cotangent"}
 
 
@@ -37,7 +37,7 @@ class Cascade:
 
     @property
     def networks(self) -> dict[str, "Cascade"]:
-        """The network under an empty name. A model with a gate has two networks."""
+        """This network under an empty name; `GatedCascades.networks` has several by name."""
         return {"": self}
 
     def steps(self, mesh: Mesh, known: list[Vectors] | None = None) -> Iterator[Mesh]:

@@ -20,7 +20,7 @@ GATED_FORMATS = ("cascadenorm-gated/4", "cascadenorm-gated/3", "cascadenorm-gate
 """Formats of weights files. The first one is written; the others have no network for strong noise. Cascades within them
 have a format in CASCADE_FORMATS."""
 STRONG_NOISE = np.radians(6.0)
-"""Mean angle over a component by which the first stage of the vertex network turns the faces if the noise is strong.
+"""Smallest mean angle by which the first stage of the vertex network turns the faces of a component with strong noise.
 Noise of 0.08 mean edge lengths reaches it."""
 
 
@@ -47,7 +47,7 @@ class GatedCascades:
         return {"vertex": self.vertex, "surface": self.surface, **strong}
 
     def component_kinds(self, mesh: Mesh, treat_as: Treatment | None = None) -> ComponentKinds:
-        """Judge each component of a mesh, or treat all of them alike."""
+        """Classify each component of a mesh by the gate, or all of them as `treat_as`."""
         if treat_as is None:
             return component_kinds(self.gate, mesh)
         probability = float(treat_as != "vertex-noise")
@@ -60,7 +60,7 @@ class GatedCascades:
         return self.chosen(measured, impulsive).vertices(mesh)
 
     def chosen(self, measured: Bools, impulsive: Bools) -> "ChosenNetworks":
-        """Return the networks for a mesh, with the fields `measured` and `impulsive` of `ChosenNetworks`."""
+        """Return the networks with the components and vertices to apply them to, as in `ChosenNetworks`."""
         return ChosenNetworks(self.vertex, self.surface, measured, impulsive, self.strong)
 
     def to_bytes(self) -> bytes:
@@ -74,7 +74,7 @@ class GatedCascades:
 
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], tensors: Arrays, source: str) -> "GatedCascades":
-        """Rebuild a model from its header and its arrays. The errors are those of `Cascade.from_parts`."""
+        """Rebuild a model from its header and its arrays. Raises the errors of `Cascade.from_parts`."""
         vertex, surface, strong, gate = (_under(tensors, part) for part in ("vertex", "surface", "strong", "gate"))
         return cls(
             Cascade.from_parts(header["vertex"], vertex, source),
@@ -105,8 +105,8 @@ class ChosenNetworks(NamedTuple):
 def _denoised(network: Cascade, strong: Cascade | None, mesh: Mesh, impulsive: Bools) -> Vectors:
     """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
 
-    Outliers count as evidence. The later stages skip components without evidence. Those of the network for strong
-    noise, if there is one, serve the components that the first stage turns by STRONG_NOISE or more.
+    Outliers count as evidence. The later stages skip components without evidence. On components that the first stage
+    turns by STRONG_NOISE or more, they are those of the network for strong noise, if there is one.
     """
     topology = mesh.topology
     normals = stage_normals(network.stages[0], mesh, mesh)
@@ -119,7 +119,7 @@ def _denoised(network: Cascade, strong: Cascade | None, mesh: Mesh, impulsive: B
         parts = [(strong, strongly), (network, noisy & ~strongly)]
     parts = [(cascade, part) for cascade, part in parts if part.any()]
     known = [[normals if part.all() else normals[part]] for _, part in parts]
-    del normals, angles  # the networks need memory; the cascades release their rows after the first stage
+    del normals, angles  # frees memory for the networks; the cascades release their rows after the first stage
     denoised = mesh
     for (cascade, part), theirs in zip(parts, known, strict=True):
         denoised = denoised.moved(with_part_moved(denoised, part, partial(cascade.vertices, known=theirs)))

@@ -18,8 +18,8 @@ def decimated_scan(
 ) -> Measured:
     """Decimate a mask, a tomogram or a surface from distances or points to about `faces` faces.
 
-    Before, it has about `finer` times as many. The level is that of its error. Raises UnfitShapeError if the scan or
-    the decimated mesh is invalid.
+    Before decimation, it has about `finer` times as many faces. `level` is the level of its error. Raises
+    UnfitShapeError if the scan or the decimated mesh is invalid.
     """
     measure = MEASUREMENTS[rng.integers(len(MEASUREMENTS))]
     scan = measure(field, extent, faces=round(faces * finer), level=level, rng=rng).noisy

@@ -1,4 +1,4 @@
-"""Drift is what varies slowly: it goes, and what changes from vertex to vertex stays."""
+"""Slowly varying displacements, the drift, are removed; those that change from vertex to vertex stay."""
 
 import numpy as np
 import pytest
