@@ -39,7 +39,7 @@ LABEL_KEYWORDS = {"usemtl": "material", "o": "object", "g": "group"}
 
 
 class ObjFile(MeshFile):
-    """An OBJ file. Everything but positions and normals is kept, and creases too. Positions are float64."""
+    """An OBJ file. Everything but positions and normals is kept; new normals keep creases. Positions are float64."""
 
     format = "obj"
     counts_from = 1
