@@ -90,7 +90,7 @@ class MeshFile(ABC):
     def _with_mesh_settings(self: AnyMeshFile, **settings: Any) -> AnyMeshFile:
         file = copy.copy(self)
         file.__dict__.update(settings)
-        for name in ("mesh", "_weld"):
+        for name in ("mesh", "_weld", "left_out"):
             file.__dict__.pop(name, None)
         return file
 

@@ -286,6 +286,12 @@ def test_the_way_out_is_spelled_as_where_it_is_asked_for(tmp_path, capsys):
         assert "on-bad" not in err and "on_bad" not in err
 
 
+def test_what_is_left_out_depends_on_the_settings_of_the_file():
+    file = cn.read(io.BytesIO(b"OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\nnan 0 0\n3 0 1 2\n3 0 1 3\n"))
+    assert file.left_out.tolist() == [False, False]
+    assert file.isolating().left_out.tolist() == [False, True]
+
+
 def test_a_file_without_vertices_is_refused():
     with pytest.raises(cn.MeshError, match="none of the 2 faces"):
         _ = cn.read(io.BytesIO(b"OFF\n0 1 0\n4 0 1 2 3\n")).isolating().mesh
