@@ -55,10 +55,11 @@ class OffFile(MeshFile):
     def _read_polygons(self) -> Polygons:
         text = self._text
         counts = text.integers(text.columns(self._faces, 1, start=0)[:, 0])
-        if (counts < 0).any():
-            line = text.line_number(text.starts[text.first[self._faces[counts < 0][0]]])
+        negative = np.flatnonzero(counts < 0)
+        if len(negative):
+            line = text.line_number(text.starts[text.first[self._faces[negative[0]]]])
             raise ReadError(
-                f"line {line}: a face has {counts.min()} vertices: the file is damaged; get a complete copy"
+                f"line {line}: a face has {counts[negative[0]]} vertices: the file is damaged; get a complete copy"
             )
         text.require(self._faces, counts + 1)
         return Polygons.from_counts(counts, text.integers(ranges(text.first[self._faces] + 1, counts)))

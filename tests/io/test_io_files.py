@@ -90,6 +90,7 @@ def test_arrays_are_written_as_a_ply_file_of_them_is(kind, format):
         (OFF[: OFF.index(b" 2 3 4 1 1 1")], "line 13 has 1 value and needs 4"),
         (OFF.replace(b"4 0 1 2 3 255 0 0", b"4 0 1"), "line 10 has 3 values and needs 5"),
         (OFF.replace(b"4 0 1 2 3", b"-4 0 1 2 3"), "line 10: a face has -4 vertices"),
+        (OFF.replace(b"4 0 1 2 3", b"-4 0 1 2 3").replace(b"3 1 2 4", b"-7 1 2 4"), "line 10: a face has -4 vertices"),
         (OBJ.replace(b"v 0 1 0 1.0 0.5 0.25", b"v 0 1"), "line 7 has 3 values and needs 4"),
         (OBJ.replace(b"f 2 3 5", b"f 2 x 5"), "line 21: 'x' is not a number"),
     ],
