@@ -35,15 +35,10 @@ def placed(mesh: Content, matrix: Matrix) -> Content:
 def joined(shown: Sequence[Content], left_out: Sequence[str] = ()) -> Content:
     """Join meshes, with the values of vertices and faces that all of them have."""
     first = np.cumsum([0, *(len(mesh.positions) for mesh in shown)])
-    none = np.zeros(0, np.int64)
-    corners = []
-    for mesh, start in zip(shown, first, strict=False):
-        bad = mesh.polygons.out_of_range(len(mesh.positions))  # not a vertex of another mesh
-        corners.append(np.where(bad, -1, mesh.polygons.corners + start))
-    counts = np.concatenate([none, *(mesh.polygons.counts for mesh in shown)])
+    polygons = [m.polygons.moved_to(start, len(m.positions)) for m, start in zip(shown, first, strict=False)]
     return Content(
         np.concatenate([np.zeros((0, 3), np.float32), *(mesh.positions for mesh in shown)]),
-        Polygons.from_counts(counts, np.concatenate([none, *corners])),
+        Polygons.joined(polygons),
         _common([mesh.vertex_values for mesh in shown]),
         _common([mesh.face_values for mesh in shown]),
         tuple(left_out),

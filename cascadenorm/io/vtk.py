@@ -87,11 +87,9 @@ class MeshioFile(MeshFile):
         if other:
             raise ReadError(f"the file has cells of type {', '.join(other)}: extract the surface first")
         blocks = [np.asarray(block.data, np.int64) for block in self._grid.cells if block.type in FACE_CELLS]
-        counts = [np.full(len(block), block.shape[1]) for block in blocks]
-        none = np.zeros(0, np.int64)
-        corners = np.concatenate([none, *(block.ravel() for block in blocks)])
         kind = np.float32 if points.dtype == np.float32 else np.float64
-        return points.astype(kind), Polygons.from_counts(np.concatenate([none, *counts]), corners)
+        polygons = [Polygons.from_counts(np.full(len(block), block.shape[1]), block.ravel()) for block in blocks]
+        return points.astype(kind), Polygons.joined(polygons)
 
     def _load(self) -> Any:
         import meshio

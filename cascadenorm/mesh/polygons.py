@@ -1,5 +1,6 @@
 """Polygonal faces and their triangulation."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,6 +39,13 @@ class Polygons(NamedTuple):
         """Create polygons from rows of corners; all have the same number of corners."""
         return cls(np.arange(0, rows.size + 1, rows.shape[1], dtype=np.int64), rows.ravel())
 
+    @classmethod
+    def joined(cls, parts: Sequence["Polygons"]) -> "Polygons":
+        """Put the polygons of all parts one after another."""
+        none = np.zeros(0, np.int64)
+        counts = np.concatenate([none, *(part.counts for part in parts)])
+        return cls.from_counts(counts, np.concatenate([none, *(part.corners for part in parts)]))
+
     def __len__(self) -> int:
         return len(self.indptr) - 1
 
@@ -58,6 +66,10 @@ class Polygons(NamedTuple):
     def out_of_range(self, count: int) -> Bools:
         """Return whether each corner is outside 0 … count - 1."""
         return np.asarray((self.corners < 0) | (self.corners >= count))
+
+    def moved_to(self, first: int, count: int) -> "Polygons":
+        """Return the polygons with corners 0 … count - 1 as rows from `first` on, and other corners as -1."""
+        return Polygons(self.indptr, np.where(self.out_of_range(count), -1, self.corners + first))
 
 
 def triangulate(positions: NDArray[Any], polygons: Polygons) -> tuple[Ints, Ints]:

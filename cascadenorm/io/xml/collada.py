@@ -92,12 +92,9 @@ class ColladaFile(MeshFile):
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         positions = np.concatenate([array.values for array in arrays])
         digits = max(array.text.significant_digits(array.words.ravel()) for array in arrays)
-        corners = []
-        for part in self._parts:
-            bad = part.polygons.out_of_range(len(self._array(part.positions).values))
-            corners.append(np.where(bad, -1, part.polygons.corners + self._first[part.positions]))
-        counts = np.concatenate([part.polygons.counts for part in self._parts])
-        return as_short(positions, digits), Polygons.from_counts(counts, np.concatenate(corners))
+        places = [(self._first[part.positions], len(self._array(part.positions).values)) for part in self._parts]
+        polygons = [part.polygons.moved_to(*place) for part, place in zip(self._parts, places, strict=True)]
+        return as_short(positions, digits), Polygons.joined(polygons)
 
     def _array(self, id: str) -> SourceArray:
         if id not in self._arrays:
@@ -225,10 +222,7 @@ class ColladaFile(MeshFile):
     def _shape(self, parts: list[Part]) -> Content:
         """Return parts with the same positions as one mesh."""
         first, count = self._first[parts[0].positions], len(self._array(parts[0].positions).values)
-        polygons = Polygons.from_counts(
-            np.concatenate([part.polygons.counts for part in parts]),
-            np.concatenate([part.polygons.corners for part in parts]),
-        )
+        polygons = Polygons.joined([part.polygons for part in parts])
         values = dict[str, NDArray[Any]]()
         for semantic, names in CONVERTED.items():
             columns = [self._at_corners(part, semantic, names) for part in parts]
