@@ -136,6 +136,12 @@ def strips(counts: Ints, corners: Ints) -> Polygons:
     return Polygons.from_rows(triangles[inside & (triangles != -1).all(axis=1) & ~repeats_vertex(triangles)])
 
 
+def fans(counts: Ints, corners: Ints) -> Polygons:
+    """Convert triangle fans to triangles. Triangles that repeat a vertex are removed, as in `strips`."""
+    _, triangles = _fans(Polygons.from_counts(counts, corners), np.arange(len(counts)), 0)
+    return Polygons.from_rows(triangles[~repeats_vertex(triangles)])
+
+
 def near_one(positions: NDArray[Any]) -> Floats:
     """Return the positions divided by the largest coordinate."""
     with np.errstate(invalid="ignore"):  # triangles with non-finite corners stay non-finite

@@ -34,9 +34,9 @@ from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.shown import joined
 from cascadenorm.io.sidecar_files import relative_name
-from cascadenorm.mesh import Bools, all_in_rows, any_in_rows, box_of, repeats_vertex
+from cascadenorm.mesh import Bools, all_in_rows, any_in_rows, box_of
 from cascadenorm.mesh.normals import Normals
-from cascadenorm.mesh.polygons import Polygons, strips
+from cascadenorm.mesh.polygons import Polygons, fans, strips
 
 GLB_MAGIC = b"glTF"
 JSON, BIN = b"JSON", b"BIN\0"
@@ -176,12 +176,10 @@ class GltfFile(MeshFile):
             if found.dtype.kind != "u" or found.shape[1] != 1:
                 raise ReadError("the vertex indices of this glTF file are not integers: export it again")
             corners = found[:, 0].astype(np.int64)
-        if mode == STRIP:
-            return strips(np.array([len(corners)]), corners).corners.reshape(-1, 3)
-        if mode == FAN:
-            fan = np.stack([np.repeat(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
-            return fan[~repeats_vertex(fan)]
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        if mode == TRIANGLES:
+            return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        cut = strips if mode == STRIP else fans
+        return cut(np.array([len(corners)]), corners).corners.reshape(-1, 3)
 
     def _rows_of_normals(self, primitive: Primitive) -> NDArray[np.int64]:
         if not len(primitive.normals.at):

@@ -19,7 +19,7 @@ from cascadenorm.io.text.text import Edit, Text, as_short, edited
 from cascadenorm.io.xml.collada_nodes import instances
 from cascadenorm.io.xml.documents import Element, tree_of
 from cascadenorm.mesh import repeats_vertex
-from cascadenorm.mesh.polygons import Polygons, strips
+from cascadenorm.mesh.polygons import Polygons, fans, strips
 
 KINDS = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 LINES = ("lines", "linestrips")
@@ -290,15 +290,10 @@ def _faces(primitive: Element, width: int, size: int) -> tuple[NDArray[np.int64]
 
 def _polygons(kind: str, counts: NDArray[np.int64], corners: NDArray[np.int64]) -> tuple[Polygons, NDArray[np.int64]]:
     """Return polygons, and the index of each of their corners among the given corners."""
-    if kind == "tristrips":
-        places = strips(counts, np.arange(len(corners))).corners
-    elif kind == "trifans":
-        starts = np.repeat(np.cumsum(counts) - counts, np.maximum(counts - 2, 0))
-        steps = np.concatenate([np.zeros(0, np.int64), *(np.arange(max(n - 2, 0)) for n in counts.tolist())])
-        places = np.stack([starts, starts + steps + 1, starts + steps + 2], axis=1).ravel()
-    else:
+    if kind not in ("tristrips", "trifans"):
         return Polygons.from_counts(counts, corners), np.arange(len(corners))
-    rows = places.reshape(-1, 3)
+    cut = strips if kind == "tristrips" else fans
+    rows = cut(counts, np.arange(len(corners))).corners.reshape(-1, 3)
     rows = rows[~repeats_vertex(corners[rows])]
     return Polygons.from_rows(corners[rows]), rows.ravel()
 
