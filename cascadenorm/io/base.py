@@ -116,9 +116,13 @@ class MeshFile(ABC):
 
     def content(self) -> Content:
         """Return the content that other formats can store."""
-        here = type(self)(b"".join(self._moved_pieces()), self.folder) if self.has_moved else self
+        here = self._as_stored()
         here._isolates = self._isolates
         return here._read_content().without_out_of_range()
+
+    def _as_stored(self: AnyMeshFile) -> AnyMeshFile:
+        """Return this file as it is read after it was written."""
+        return type(self)(b"".join(self._moved_pieces()), self.folder) if self.has_moved else self
 
     @property
     def vertex_values(self) -> Mapping[str, NDArray[Any]]:

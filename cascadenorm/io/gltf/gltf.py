@@ -299,7 +299,7 @@ class GltfFile(MeshFile):
         """Return this file in the other container without loss, or None for other formats."""
         if not issubclass(kind, GltfFile):
             return None
-        here = type(self)(b"".join(self._moved_pieces()), self.folder) if self.has_moved else self
+        here = self._as_stored()
         document, chunk = copy.deepcopy(here._document), None
         if document.get("buffers"):
             begin, end = here._buffers.place(0)
@@ -374,7 +374,7 @@ class GltfFile(MeshFile):
         file = copy.copy(self)
         file.positions = self.positions.copy()
         file.positions[rows] = self.positions[first[parts[rows]]]
-        return type(self)(b"".join(file._moved_pieces()), self.folder) if file.has_moved else self
+        return file._as_stored()
 
     def _further_accessors(self) -> NewAccessors:
         """Return accessors to be added to those of this file."""
