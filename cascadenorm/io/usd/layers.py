@@ -126,14 +126,9 @@ def references(layer: Any) -> list[str]:
     """Return the paths of all files that a layer references, such as layers and textures."""
     from pxr import UsdUtils
 
-    found: dict[str, None] = {}
-
-    def note(path: str) -> str:
-        found[path] = None
-        return path
-
+    found: dict[str, str] = {}
     with quiet():
-        UsdUtils.ModifyAssetPaths(copied(layer), note)
+        UsdUtils.ModifyAssetPaths(copied(layer), lambda path: found.setdefault(path, path))
     return [path for path in found if path]
 
 

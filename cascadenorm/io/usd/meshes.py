@@ -140,8 +140,8 @@ def values_of(
     """
     vertex_values, face_values = dict[str, NDArray[Any]](), dict[str, NDArray[Any]]()
     for name, kind, flat in primvars:
-        values = np.asarray(flat) if flat is not None and not isinstance(flat, str) else np.zeros(0)
-        if values.dtype.kind not in "fiub" or not values.ndim:
+        values = np.asarray(flat)
+        if values.dtype.kind not in "fiub" or not values.ndim:  # among them texts and None
             continue
         if values.dtype in (np.bool_, np.float16):  # other formats do not have these types
             values = values.astype(np.uint8 if values.dtype == np.bool_ else np.float32)
