@@ -153,9 +153,6 @@ def with_title(made: bytes, source: bytes) -> bytes:
     return b"\n".join((first, title, rest))
 
 
-FLOATS = ("float", "double")
-
-
 def vtk_array(array: Any) -> NDArray[Any]:
     """Return a view of a VTK array."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -179,7 +176,7 @@ def move_polydata(
     for data, begin, corners in ((surface.GetPointData(), 0, triangles), (surface.GetCellData(), first, polygons)):
         arrays = [data.GetNormals(), *map(data.GetArray, NORMALS)]
         for array in {array.GetName(): array for array in arrays if array is not None}.values():
-            if array.GetNumberOfComponents() == 3 and array.GetDataTypeAsString() in FLOATS:
+            if array.GetNumberOfComponents() == 3 and array.GetDataTypeAsString() in ("float", "double"):
                 values = vtk_array(array)
                 values[begin:] = renew(values[begin:], corners)  # a view of the array
                 array.Modified()

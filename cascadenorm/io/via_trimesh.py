@@ -46,7 +46,7 @@ class TrimeshFile(MeshFile):
         if not self._scene.graph.nodes_geometry:  # a library of meshes that no scene shows
             self._scene = trimesh.Scene(self._meshes)
         sizes = [len(mesh.vertices) for mesh in self._meshes]
-        self._first = np.concatenate([[0], np.cumsum(sizes)])
+        self._borders = np.cumsum(sizes)[:-1]  # first vertices of all meshes but the first
         self.parts = np.repeat(np.arange(len(sizes)), sizes)
         whole = joined([_content(mesh, np.asarray(mesh.vertices, np.float64)) for mesh in self._meshes])
         return whole.positions, whole.polygons
@@ -65,7 +65,7 @@ class TrimeshFile(MeshFile):
         shown = [(matrix, mesh) for matrix, mesh in shown if id(mesh) in numbers]
         copies = sum(len(mesh.vertices) + len(mesh.faces) for _, mesh in shown)
         check_expansion(24 * copies, len(self.data), "the meshes that the scene of this file shows")
-        positions = np.split(self.positions, self._first[1:-1])
+        positions = np.split(self.positions, self._borders)
         whole = joined([placed(_content(mesh, positions[numbers[id(mesh)]]), matrix) for matrix, mesh in shown])
         kinds = {mesh.visual.kind for _, mesh in shown}
         colors = {}

@@ -52,7 +52,7 @@ class UsdFile(MeshFile):
         sizes = [len(mesh.points) for mesh in self._meshes]
         nbytes = sum(mesh.points.nbytes + mesh.polygons.corners.nbytes for mesh in self._meshes)
         check_expansion(nbytes, len(self.data), "the meshes of this file")
-        self._first = np.cumsum([0, *sizes])
+        self._borders = np.cumsum(sizes)[:-1]  # first points of all meshes but the first
         self.parts = np.repeat(np.arange(len(sizes)), sizes) if len(sizes) > 1 else None
         whole = joined([Content(mesh.points, mesh.polygons) for mesh in self._meshes])
         return whole.positions, whole.polygons
@@ -67,8 +67,7 @@ class UsdFile(MeshFile):
 
     def _moved(self) -> Layers:
         """Return copies of the layers in which points moved."""
-        starts = self._first[1:-1]  # of all meshes but the first
-        changed, positions = (np.split(rows, starts) for rows in (any_in_rows(self._changed), self.positions))
+        changed, positions = (np.split(rows, self._borders) for rows in (any_in_rows(self._changed), self.positions))
         moved = [(mesh, own) for mesh, own, new in zip(self._meshes, positions, changed, strict=True) if new.any()]
         layers = {name: copied(self._layers[name]) for name in dict.fromkeys(mesh.layer for mesh, _ in moved)}
         with explained("OpenUSD cannot change this file", said=said), quiet():

@@ -22,7 +22,6 @@ from cascadenorm.io.xml.documents import attribute_edits, parse, tree_of
 from cascadenorm.mesh import any_in_rows
 from cascadenorm.mesh.polygons import Polygons, triangulate
 
-CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PATH = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06 path"
 MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 RELS = "_rels/.rels"
@@ -186,7 +185,7 @@ class ThreemfFile(MeshFile):
         triangles, _ = triangulate(content.positions, content.polygons)
         vertices = [b'<vertex x="%b" y="%b" z="%b"/>' % tuple(row.split(b" ")) for row in rows_of(content.positions)]
         faces = [b'<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(row) for row in triangles.tolist()]
-        model = MODEL_TEMPLATE % (CORE.encode(), b"\n".join(vertices), b"\n".join(faces))
+        model = MODEL_TEMPLATE % (b"\n".join(vertices), b"\n".join(faces))
         made = BytesIO()
         with ZipFile(made, "w") as archive:
             for name, data in (("[Content_Types].xml", CONTENT_TYPES), (RELS, RELATIONS), ("3D/3dmodel.model", model)):
@@ -217,7 +216,7 @@ def _repacked(data: bytes, new: dict[str, bytes]) -> bytes:
 
 
 MODEL_TEMPLATE = b"""<?xml version="1.0" encoding="UTF-8"?>
-<model unit="millimeter" xml:lang="en-US" xmlns="%b">
+<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <resources>
 <object id="1" type="model">
 <mesh>
