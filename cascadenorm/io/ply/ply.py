@@ -36,8 +36,8 @@ XYZ, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 CORNERS = ("vertex_indices", "vertex_index")
 WORD = 8  # bytes for each number of a text body
 
-Replaced = tuple[str, tuple[str, ...], NDArray[Any], NDArray[np.bool_]]
-"""Element, properties, their values side by side, and which of them to replace."""
+Replaced = tuple[PropertyColumn, NDArray[Any], NDArray[np.bool_]]
+"""A column, its values, and which of them to replace."""
 
 
 class PlyFile(MeshFile):
@@ -149,7 +149,8 @@ class PlyFile(MeshFile):
             wider = PlyFile(self._widened())
             wider.positions = self.positions
             return wider.pieces()
-        replaced: list[Replaced] = [("vertex", XYZ, self.positions, self._changed)]
+        coordinates = [self._columns["vertex", name] for name in XYZ]
+        replaced: list[Replaced] = list(zip(coordinates, self.positions.T, self._changed.T, strict=True))
         of_faces = np.broadcast_to(self.triangle_polygons[:, None], self.triangles.shape)
         corners = {"vertex": self.triangles, "face": of_faces}
         for element, used in corners.items():
@@ -162,13 +163,12 @@ class PlyFile(MeshFile):
             normals, renewed = self._renewed(Normals(values, used))
             if kind.kind == "i":
                 normals = np.rint(normals * _lengths(values, kind))
-            replaced.append((element, NORMAL, normals, np.repeat(renewed[:, None], 3, axis=1)))
+            replaced += [(self._columns[element, n], v, renewed) for n, v in zip(NORMAL, normals.T, strict=True)]
         if self._text is not None:
-            return self._spliced(self._text, replaced)
+            return replace_words(self._text, *map(_replaced_words, replaced))
         body = np.frombuffer(self._body, np.uint8).copy()
-        for element, names, values, chosen in replaced:
-            for axis, name in enumerate(names):
-                self._columns[element, name].put(body, values[:, axis], chosen[:, axis])
+        for column, values, chosen in replaced:
+            column.put(body, values, chosen)
         return [body.data]
 
     def _widened(self) -> bytes:
@@ -192,17 +192,6 @@ class PlyFile(MeshFile):
         out = np.empty(len(self.data) + len(letters), np.uint8)
         size = splice(np.frombuffer(self.data, np.uint8), place[order], end, letters, begins, stops, out)
         return out[:size].tobytes()
-
-    def _spliced(self, text: Text, replaced: list[Replaced]) -> Iterable[Piece]:
-        tables = []
-        for element, names, values, chosen in replaced:
-            for axis, name in enumerate(names):
-                column = self._columns[element, name]
-                words = np.asarray(column.offsets)[chosen[:, axis]] // WORD
-                single = column.declared.kind == "f4" and values.dtype != np.float64
-                kind = np.int64 if column.declared.kind[0] != "f" else np.float32 if single else np.float64
-                tables.append((words, values[chosen[:, axis], axis].astype(kind)))
-        return replace_words(text, *tables)
 
     def with_patches(self, patches: HolePatches) -> "PlyFile":
         """Return this file with additional vertices and triangles. Only the two row counts change in existing bytes.
@@ -286,21 +275,20 @@ class PlyFile(MeshFile):
         return dict.fromkeys(map(os.fsdecode, found), False)
 
     def _read_content(self) -> Content:
-        values = {}
+        values: dict[str, dict[str, NDArray[Any]]] = {"vertex": {}, "face": {}}
         left_out = []
         for element in self.header.elements:
             for p in element.properties:
                 known = (element.name == "vertex" and p.name in XYZ) or (element.name != "vertex" and p.name in CORNERS)
-                if element.name in ("vertex", "face") and p.count_kind is None and not known:
+                if element.name in values and p.count_kind is None and not known:
                     with np.errstate(invalid="ignore"):  # a text may have larger numbers than its header declares
                         found = self._columns[element.name, p.name].read(self._body).astype(p.kind)
-                    values[element.name, p.name] = found
+                    values[element.name][p.name] = found
                 elif not known:
                     left_out.append(f"property '{p.name}' of '{element.name}'")
         if b"comment" in self.data[: self.header.length]:
             left_out.append("comments")
-        per = {e: {name: v for (of, name), v in values.items() if of == e} for e in ("vertex", "face")}
-        return Content(self.positions, self.polygons, per["vertex"], per["face"], tuple(left_out))
+        return Content(self.positions, self.polygons, values["vertex"], values["face"], tuple(left_out))
 
     @classmethod
     def encode(cls, content: Content) -> tuple[Iterable[Piece], list[str]]:
@@ -350,6 +338,14 @@ class ArraysFile(MeshFile):
 
     def _read_content(self) -> Content:
         return Content(self.positions, self.polygons)
+
+
+def _replaced_words(replaced: Replaced) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the words of a text to replace, and the new numbers in the type in which they are formatted."""
+    column, values, chosen = replaced
+    single = column.declared.kind == "f4" and values.dtype != np.float64
+    kind = np.int64 if column.declared.kind[0] != "f" else np.float32 if single else np.float64
+    return np.asarray(column.offsets)[chosen] // WORD, values[chosen].astype(kind)
 
 
 def _too_long(text: Text, line: int, element: PlyElement) -> ReadError:
