@@ -141,7 +141,7 @@ class MeshioFile(MeshFile):
         """Write content with the values of vertices and faces. Faces are grouped by their number of corners."""
         import meshio
 
-        counts, polygons = content.polygons.counts, content.polygons
+        counts = content.polygons.counts
         others = int((~np.isin(counts, (3, 4))).sum())
         if others and not cls.holds_polygons:
             raise OutputError(
@@ -149,17 +149,12 @@ class MeshioFile(MeshFile):
                 f"{counted(others, 'face has', 'faces have')} another number of corners",
                 hint="write ply, obj, off, vtk or vtu, or triangulate the mesh first",
             )
-        cells: list[tuple[str, NDArray[np.int64]]] = []
-        chosen = [np.flatnonzero(counts == count) for count in np.unique(counts)]
-        for rows in chosen:
-            count = int(counts[rows[0]])
-            corners = polygons.corners[polygons.indptr[rows, None] + np.arange(count)]
-            cells.append(({3: "triangle", 4: "quad"}.get(count, "polygon"), corners))
+        blocks, names = list(content.polygons.by_count()), {3: "triangle", 4: "quad"}
         grid = meshio.Mesh(
             content.positions,
-            cells,
+            [(names.get(corners.shape[1], "polygon"), corners) for _, corners in blocks],
             point_data=dict(content.vertex_values),
-            cell_data={name: [values[rows] for rows in chosen] for name, values in content.face_values.items()},
+            cell_data={name: [values[rows] for rows, _ in blocks] for name, values in content.face_values.items()},
         )
         lost = [] if cls.holds_values else content.lost_values()
         lost += ["the order of the faces"] if (np.diff(counts) < 0).any() else []

@@ -1,6 +1,6 @@
 """Polygonal faces and their triangulation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,6 +52,13 @@ class Polygons(NamedTuple):
     def part(self, block: slice) -> "Polygons":
         indptr = self.indptr[block.start : block.stop + 1]
         return Polygons(indptr - indptr[0], self.corners[indptr[0] : indptr[-1]])
+
+    def by_count(self) -> Iterator[tuple[Ints, Ints]]:
+        """Yield those with each number of corners, ascending: their indices, and the corners of one per row."""
+        counts = self.counts
+        for count in np.unique(counts).tolist():
+            chosen = np.flatnonzero(counts == count)
+            yield chosen, self.corners[self.indptr[chosen, None] + np.arange(count)]
 
     @property
     def counts(self) -> Ints:

@@ -123,9 +123,8 @@ def joined_primitives(shapes: list[Primitive]) -> list[Primitive]:
     """Join primitives of a mesh that share vertices, which usually differ in their materials; omit points and lines."""
     alike: dict[tuple[Any, ...], list[Primitive]] = {}
     for shape in shapes:
-        if not len(shape.triangles):
-            continue
-        alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
+        if len(shape.triangles):
+            alike.setdefault((shape.mesh, *sorted(shape.attributes.items())), []).append(shape)
     return [
         group[0]._replace(triangles=np.concatenate([shape.triangles for shape in group])) for group in alike.values()
     ]

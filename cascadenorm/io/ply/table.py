@@ -194,9 +194,7 @@ def _face_rows(polygons: Polygons, length: str, values: list[NDArray[Any]]) -> N
     sizes = np.dtype(length).itemsize + 4 * counts + sum(v.dtype.itemsize for v in values)
     starts = np.cumsum(sizes) - sizes
     out = np.empty(int(sizes.sum()), np.uint8)
-    for count in np.unique(counts).tolist():
-        chosen = np.flatnonzero(counts == count)
-        corners = polygons.corners[polygons.indptr[chosen, None] + np.arange(count)]
+    for chosen, corners in polygons.by_count():
         raw = _beside([counts[chosen].astype(length), _as_units(corners), *(v[chosen] for v in values)])
         out[starts[chosen, None] + np.arange(raw.shape[1])] = raw
     return out
