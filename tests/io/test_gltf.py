@@ -318,6 +318,12 @@ def changed(change) -> io.MeshFile:
     return read(json.dumps(found).encode())
 
 
+def test_a_scene_with_nodes_that_do_not_exist_is_explained_where_triangles_are_removed():
+    file = changed(lambda found: found["scenes"][0].update(nodes=[99]))
+    with pytest.raises(io.ReadError, match="not valid glTF 2: a number refers to an entry that does not exist"):
+        file.without(np.zeros(len(file.polygons), bool))
+
+
 def test_primitives_over_the_same_vertices_share_them_in_other_formats():
     def twice(found: dict) -> None:
         found["meshes"][0]["primitives"].append(found["meshes"][0]["primitives"][0] | {"material": 1})

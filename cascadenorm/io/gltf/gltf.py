@@ -327,6 +327,7 @@ class GltfFile(MeshFile):
             patches.left_out.append(f"textures on {what} across seams of the texture coordinates")
         return self._with_document(made.document, added)
 
+    @_explained()
     def without(self, triangles: Bools) -> "GltfFile | None":
         """Return this file without some of its triangles, (m,), of which no vertex is used by others.
 
