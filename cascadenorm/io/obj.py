@@ -89,7 +89,7 @@ class ObjFile(MeshFile):
         lines = text.lines_with(b"vn")
         if len(lines) and (text.stop[lines] - text.first[lines]).min() > 3:
             columns = text.columns(lines, 3)
-            stored = text.numbers_at(text.starts[columns], text.ends[columns], lax=True)
+            stored = text.numbers(columns, lax=True)
             named = self._references(2, lines)
             named[named >= len(lines)] = -1
             normals, renewed = self._renewed(Normals(stored, self._at_triangles(named)))

@@ -75,7 +75,7 @@ class OffFile(MeshFile):
     def _normals(self, skipped: int = 0) -> tuple[Offsets, NDArray[np.float64]]:
         """Return the words of the normals, which follow the positions and some skipped words, and their numbers."""
         columns = self._text.columns(self._vertices, 3, start=3 + ("4" in self._flavour) + skipped)
-        return columns, self._text.numbers_at(self._text.starts[columns], self._text.ends[columns], lax=True)
+        return columns, self._text.numbers(columns, lax=True)
 
     def _colors_first(self) -> bool:
         """Whether four channels of colours precede the normals, as in NCOFF files of VCG but not in those of Open3D."""

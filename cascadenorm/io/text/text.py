@@ -89,9 +89,9 @@ class Text:
                 "the file is truncated there, or damaged; get a complete copy"
             )
 
-    def numbers(self, words: Offsets) -> NDArray[np.float64]:
-        """Parse words as numbers. Raises ReadError at the first that is not a number."""
-        return self.numbers_at(self.starts[words], self.ends[words])
+    def numbers(self, words: Offsets, *, lax: bool = False) -> NDArray[np.float64]:
+        """Parse words as numbers. Words that are none give nan if `lax`, otherwise ReadError is raised."""
+        return self.numbers_at(self.starts[words], self.ends[words], lax=lax)
 
     def numbers_at(self, starts: Offsets, ends: Offsets, *, lax: bool = False) -> NDArray[np.float64]:
         """Parse numbers at byte offsets. Other words give nan if `lax`, otherwise ReadError is raised."""
