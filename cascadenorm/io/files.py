@@ -92,12 +92,14 @@ def read(source: Source, format: str | None = None) -> MeshFile:
     try:
         if not data:
             raise ReadError("the file is empty")
-        mark = codecs.BOM_UTF8 if data.startswith(codecs.BOM_UTF8) and not is_binary_stl(data) else b""
-        data = data.removeprefix(mark)
-        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and not is_binary_stl(data):
-            raise ReadError("the file is text in UTF-16, which is not supported: save it as UTF-8")
-        if data.startswith(GZIP) and not is_binary_stl(data):
-            raise ReadError("the file is compressed by gzip: unpack it first")
+        mark = b""
+        if not is_binary_stl(data):  # its header may hold any bytes
+            mark = codecs.BOM_UTF8 if data.startswith(codecs.BOM_UTF8) else b""
+            data = data.removeprefix(mark)
+            if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+                raise ReadError("the file is text in UTF-16, which is not supported: save it as UTF-8")
+            if data.startswith(GZIP):
+                raise ReadError("the file is compressed by gzip: unpack it first")
         chosen = _format_of(format or _sniffed(data) or Path(name).suffix or layer_format(data))
         kind = _kind(chosen)
         if chosen == "vtk" and LEGACY.match(data):
