@@ -30,11 +30,11 @@ class FreeSurferFile(MeshFile):
         data = self.data
         if not data.startswith(FREESURFER_MAGIC):
             raise ReadError("this is no triangle surface of FreeSurfer: it does not begin with the bytes ff ff fe")
-        ends = data.find(b"\n"), data.find(b"\n", data.find(b"\n") + 1)
-        if min(ends) < 0 or len(data) < ends[1] + 9:
+        header = re.match(rb"[^\n]*\n[^\n]*\n", data)
+        if header is None or len(data) < header.end() + 8:
             raise ReadError("the FreeSurfer file ends within its header: it is truncated")
-        points, triangles = np.frombuffer(data, TRIANGLE, 2, ends[1] + 1).tolist()
-        self._begin = ends[1] + 9
+        points, triangles = np.frombuffer(data, TRIANGLE, 2, header.end()).tolist()
+        self._begin = header.end() + 8
         stop = self._begin + points * 3 * POINT.itemsize
         if min(points, triangles) < 0 or len(data) < stop + triangles * 3 * TRIANGLE.itemsize:
             raise ReadError(
