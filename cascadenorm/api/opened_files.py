@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from glob import has_magic
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from cascadenorm.errors import MissingDependencyError, OutputError, ParameterErr
 from cascadenorm.geometry.small_components import component_limit
 from cascadenorm.io.atomic import check_output, is_special
 from cascadenorm.io.base import Piece
-from cascadenorm.io.files import beside, check_extension, check_source, check_stream, check_target, is_url
+from cascadenorm.io.files import Source, beside, check_extension, check_source, check_stream, check_target, is_url
 from cascadenorm.io.interop import mesh_of_file, source_name
 from cascadenorm.learned.methods import MeshTreatment, mesh_treatment
 from cascadenorm.mesh import Floats, Mesh, in_frame, row_lengths, without_lines
@@ -148,8 +148,8 @@ class Denoised(NamedTuple):
 class Opened(NamedTuple):
     """A file that was read, and the target it will be written to."""
 
-    source: str | PathLike[str] | BinaryIO
-    output: str | PathLike[str] | BinaryIO
+    source: Source
+    output: Source
     format: str  # of the output
     file: io.MeshFile
     mesh: Mesh
@@ -160,8 +160,8 @@ class Opened(NamedTuple):
 
 
 def opened_file(
-    source: str | PathLike[str] | BinaryIO,
-    output: str | PathLike[str] | BinaryIO | None,
+    source: Source,
+    output: Source | None,
     controls: Controls,
     *,
     format: str | None = None,
@@ -289,7 +289,7 @@ def detected_error(method: Method, applied: Applied, parameters: dict[str, Any])
     }
 
 
-def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
+def _check_single(source: Source) -> None:
     """Raise ReadError if a source is not a single local file; batch processing accepts the other kinds."""
     if not isinstance(source, str | PathLike):
         return
@@ -305,7 +305,7 @@ def _check_single(source: str | PathLike[str] | BinaryIO) -> None:
         raise ReadError(f"{name} does not exist", hint=hint)
 
 
-def _check_format(source: str | PathLike[str] | BinaryIO, output: str | PathLike[str]) -> None:
+def _check_format(source: Source, output: str | PathLike[str]) -> None:
     """Raise OutputError if the format of an output cannot be written; for the format of the source, first read that."""
     try:
         check_extension(source, output)
@@ -315,13 +315,7 @@ def _check_format(source: str | PathLike[str] | BinaryIO, output: str | PathLike
         raise
 
 
-def _checked_output(
-    source: str | PathLike[str] | BinaryIO,
-    output: str | PathLike[str] | BinaryIO | None,
-    format: str | None,
-    *,
-    force: bool,
-) -> str | PathLike[str] | BinaryIO:
+def _checked_output(source: Source, output: Source | None, format: str | None, *, force: bool) -> Source:
     """Return the target to write to; raises OutputError if it cannot be written or may not be replaced."""
     if output is None:
         if not isinstance(source, str | PathLike):
