@@ -22,15 +22,16 @@ from cascadenorm.registry.controls import Controls
 class Dropped(NamedTuple):
     """A mesh file after its small components were removed, and the numbers of dropped components and triangles.
 
-    `among` is the number of connected components before.
+    `among` is the number of connected components before; None if none were to be dropped.
     """
 
     file: io.MeshFile  # the given file if nothing was dropped, else a PLY, OBJ or glTF file in memory
-    components: int
-    faces: int
-    among: int
-    left_out: tuple[str, ...]  # other content that the file in memory lacks, in words
-    kept: NDArray[np.bool_] | None  # (m,) faces of the mesh of the given file that are kept; None if they are unknown
+    components: int = 0
+    faces: int = 0
+    among: int | None = None
+    left_out: tuple[str, ...] = ()  # other content that the file in memory lacks, in words
+    # (m,) faces of the mesh of the given file that are kept; None if all are, or if they are unknown
+    kept: NDArray[np.bool_] | None = None
 
 
 def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> Dropped:
@@ -42,7 +43,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     among = component_count(mesh)
     small, first = small_components(mesh, limit)
     if not len(first):
-        return Dropped(file, 0, 0, among, (), None)
+        return Dropped(file, among=among)
     if isinstance(file, GltfFile):
         gone = np.zeros(len(file.polygons), bool)
         gone[file.triangle_polygons[~file.left_out][small]] = True
@@ -58,7 +59,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     among = component_count(shown)
     small, first = small_components(shown, limit)
     if not len(first):
-        return Dropped(file, 0, 0, among, (), None)
+        return Dropped(file, among=among)
     content = own.content()
 
     # Polygons of small components; polygons that the mesh leaves out belong to no component and are kept

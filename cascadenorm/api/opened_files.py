@@ -154,9 +154,10 @@ class Opened(NamedTuple):
     file: io.MeshFile
     mesh: Mesh
     controls: Controls  # over the mesh; names that refer to the file are resolved
-    dropped: Dropped | None = None  # None if small components were not to be dropped
-    weld: float | str | None = None  # as given
-    drop_components: str | int | None = None  # as given
+    dropped: Dropped
+    # weld, drop_components: as given
+    weld: float | str | None = None
+    drop_components: str | int | None = None
 
 
 def opened_file(
@@ -182,15 +183,14 @@ def opened_file(
     if apart > 0:
         file = _welded(file, apart, in_edges, source_name(source))
     chosen = io.output_format(output, format or file.format)
-    whole, dropped = file, None
+    whole, dropped = file, Dropped(file)
     if drop_components is not None:
         dropped = without_small_components(file, drop_components, source_name(source))
         file = dropped.file
     check_target(file, output, format=chosen, force=force)
     mesh = mesh_of_file(file, source_name(source), may_isolate=True)
     resolved = resolve_controls(controls, unwelded, whole if apart > 0 else None)
-    if dropped is not None:
-        resolved = controls_of_kept(resolved, dropped, whole)
+    resolved = controls_of_kept(resolved, dropped, whole)
     return Opened(source, output, chosen, file, mesh, resolved, dropped, weld, drop_components)
 
 
@@ -258,15 +258,15 @@ def written_file(
         largest_displacement=float(in_edges.max()),
         seconds=seconds,
         **detected_error(method, applied, parameters),
-        left_out=tuple(dict.fromkeys([*(opened.dropped.left_out if opened.dropped else ()), *left_out])),
+        left_out=tuple(dict.fromkeys([*opened.dropped.left_out, *left_out])),
         closed_surfaces=closed,
         changed_volumes=changed,
         nearly_coincident=int(near.sum()),
         weld=opened.weld,
         drop_components=opened.drop_components,
-        dropped_components=opened.dropped.components if opened.dropped else 0,
-        dropped_faces=opened.dropped.faces if opened.dropped else 0,
-        components=opened.dropped.among if opened.dropped else None,
+        dropped_components=opened.dropped.components,
+        dropped_faces=opened.dropped.faces,
+        components=opened.dropped.among,
     )
     applied.seen.forget_geometry()
     return Denoised(summary, file, moved, applied)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cascadenorm import io
 from cascadenorm.api.apply import Applied, reported_controls
+from cascadenorm.api.dropped_components import Dropped
 from cascadenorm.api.opened_files import Opened, written_file
 from cascadenorm.errors import CascadenormError, MeshError, OutputError, ReadError
 from cascadenorm.execution.progress import Listener
@@ -47,7 +48,7 @@ def save(
     if existing and not force:
         problem = f"{' and '.join(existing)} {'exists' if len(existing) == 1 else 'exist'} already"
         raise OutputError(problem, hint="choose another name", remedy=("force", True), existing=existing)
-    opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls)
+    opened = Opened(bench.path, target, format, bench.file, bench.mesh, asked.controls, Dropped(bench.file))
     done = written_file(
         opened,
         Applied.elsewhere(bench.mesh, result.vertices),  # the page has told the kind of error already
