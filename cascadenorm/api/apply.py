@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cascadenorm.api.halo import Halo, check_halo, in_frame_of_whole
 from cascadenorm.api.regions.shells import Shells, split_into_shells
 from cascadenorm.api.regions.walls import joined_walls, with_region_volumes
-from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, all_in_rows, first_places
+from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, all_in_rows, first_places, marked
 from cascadenorm.controls.boundary import boundary_edges, smoothed_boundary
 from cascadenorm.controls.creases import crease_edges, cut_along
 from cascadenorm.controls.detail import (
@@ -302,8 +302,7 @@ def _surface_step(settings: StepSettings, mesh: Mesh, numbers: Ints, creases: Bo
 
 
 def _finite(method: Method, vertices: Vectors, numbers: Ints) -> Vectors:
-    bad = np.zeros(numbers.max() + 1, bool)
-    bad[numbers[~all_in_rows(np.isfinite(vertices))]] = True
+    bad = marked(numbers[~all_in_rows(np.isfinite(vertices))], int(numbers.max()) + 1)
     if bad.any():
         raise DenoiseError(
             f"{method.name} returned {bad.sum()} vertices that are not finite (vertices {first_places(bad)})",

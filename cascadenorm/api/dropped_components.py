@@ -15,6 +15,7 @@ from cascadenorm.io.files import as_one_mesh
 from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.interop import mesh_of_file
 from cascadenorm.io.obj import ObjFile
+from cascadenorm.mesh import marked
 from cascadenorm.mesh.polygons import Polygons
 from cascadenorm.registry.controls import Controls
 
@@ -45,8 +46,7 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     if not len(first):
         return Dropped(file, among=among)
     if isinstance(file, GltfFile):
-        gone = np.zeros(len(file.polygons), bool)
-        gone[file.triangle_polygons[~file.left_out][small]] = True
+        gone = marked(file.triangle_polygons[~file.left_out][small], len(file.polygons))
         if (rest := file.without(gone)) is not None:
             in_place = file.parts is None or np.array_equal(file.content().positions, file.positions, equal_nan=True)
             rest = rest.with_settings_of(file)
@@ -63,15 +63,13 @@ def without_small_components(file: io.MeshFile, limit: str | int, name: str) -> 
     content = own.content()
 
     # Polygons of small components; polygons that the mesh leaves out belong to no component and are kept
-    bad = np.zeros(len(own.polygons), bool)
-    bad[own.triangle_polygons[~own.left_out][small]] = True
+    bad = marked(own.triangle_polygons[~own.left_out][small], len(own.polygons))
     outside = own.polygons.out_of_range(len(own.positions))
     kept = ~np.delete(bad, np.unique(own.polygons.owners[outside]))
 
     # Vertices that only dropped polygons use
     left = content.with_polygons(kept)
-    unused = np.zeros(len(content.positions), bool)
-    unused[content.with_polygons(~kept).polygons.corners] = True
+    unused = marked(content.with_polygons(~kept).polygons.corners, len(content.positions))
     unused[left.polygons.corners] = False
     made: io.MeshFile | None = own.without(bad, unused) if isinstance(own, ObjFile) else None
     if made is None:

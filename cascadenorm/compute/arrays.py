@@ -65,6 +65,13 @@ def first_of_each(labels: NDArray[np.integer[Any]]) -> Ints:
     return first
 
 
+def marked(places: NDArray[Any], count: int) -> Bools:
+    """Return (count,) bool, set at the given places."""
+    flags = np.zeros(count, bool)
+    flags[places] = True
+    return flags
+
+
 def row_lengths(vectors: Vectors) -> Floats:
     """Return the (k,) lengths of the rows."""
     out = np.empty(len(vectors))

@@ -16,6 +16,7 @@ from cascadenorm.mesh import (
     Topology,
     Vectors,
     kernel,
+    marked,
     parallel_for,
     scatter_add,
     without_repeated_faces,
@@ -125,9 +126,7 @@ def _triangles(corners: Ints32) -> tuple[Ints32, Bools]:
 def _torn(mesh: Mesh, labels: Ints32, triangles: Ints32, twice: Bools) -> Bools:
     """Return (k,) whether the copy is torn or folded at each cluster; False for clusters of one vertex."""
     count = int(labels.max()) + 1
-    torn = np.ones(count, bool)
-    torn[triangles] = False  # clusters without a face remain marked
-    torn[triangles[twice]] = True
+    torn = ~marked(triangles, count) | marked(triangles[twice], count)  # clusters without a face, or with a double one
     copy, topology = Topology(triangles, count), mesh.topology
     torn[copy.edges[copy.edge_faces.counts > 2]] = True
     torn[labels[topology.edges[topology.edge_faces.counts > 2]]] = False
@@ -138,8 +137,7 @@ def _centroids(mesh: Mesh, labels: Ints32) -> Vectors:
     """Return the (k, 3) centroid of each cluster, or of its boundary vertices if it has any."""
     count = int(labels.max()) + 1
     boundary, inside = mesh.topology.boundary_vertices, labels >= 0
-    at_boundary = np.zeros(count, bool)
-    at_boundary[labels[boundary]] = True
+    at_boundary = marked(labels[boundary], count)
     weights = np.where(at_boundary[labels] & ~boundary, 0.0, vertex_areas(mesh))[inside]
     sums = scatter_add(labels[inside], weights[:, None] * mesh.vertices[inside], count)
     return np.asarray(sums / scatter_add(labels[inside], weights, count)[:, None])

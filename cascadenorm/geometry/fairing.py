@@ -9,7 +9,7 @@ from cascadenorm.errors import ParameterError
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.laplacians import Laplacian, Order, VertexMask, Weights, laplacian_of
 from cascadenorm.geometry.sparse_solvers import solver, solver_of_rings
-from cascadenorm.mesh import Ints, Mesh, Vectors, first_places
+from cascadenorm.mesh import Ints, Mesh, Vectors, first_places, marked
 
 
 def fair(
@@ -53,8 +53,7 @@ def _energy(mesh: Mesh, laplacian: Laplacian, inside: Ints, order: Order) -> tup
 
 
 def _check_held(mesh: Mesh, free: VertexMask) -> None:
-    held = np.zeros(len(free), bool)  # for each component
-    held[mesh.topology.components[~free]] = True
+    held = marked(mesh.topology.components[~free], len(free))  # for each component
     loose = free & ~held[mesh.topology.components]
     if loose.any():
         raise ParameterError(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Mesh, Vectors, connected_components, kernel
+from cascadenorm.mesh import Csr, Floats, Ints, Ints32, Mesh, Vectors, connected_components, kernel, marked
 from cascadenorm.mesh.vectors import row, squared_distance
 
 RADIUS = 0.7
@@ -48,9 +48,7 @@ def _connected(labels: Ints32, edges: Ints32, around: Csr) -> Ints32:
     owners[pieces] = labels
     by_size = np.lexsort((-sizes, owners))  # stable, so that ties go to the first piece
     _, first = np.unique(owners[by_size], return_index=True)
-    largest = np.zeros(len(sizes), bool)
-    largest[by_size[first]] = True
-    cut_off = inside & ~largest[pieces]
+    cut_off = inside & ~marked(by_size[first], len(sizes))[pieces]
     labels[cut_off] = -1
     _assign_free(labels, np.flatnonzero(cut_off), around)
     _, numbers = np.unique(labels[inside], return_inverse=True)

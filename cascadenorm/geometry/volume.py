@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, Vectors, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, Vectors, kernel, marked, parallel_for, scatter_add
 from cascadenorm.mesh.vectors import cross, dot, row
 
 NEWTON_STEPS = 20  # converges in about five; the volume is a cubic polynomial of the factor
@@ -28,8 +28,7 @@ def closed_parts(mesh: Mesh, *, may_touch: bool = False) -> Parts:
     if not may_touch:
         open_edges |= topology.edge_faces.counts != 2
     component = topology.components
-    closed = np.zeros(component.max() + 1, bool)
-    closed[component[mesh.faces[:, 0]]] = True
+    closed = marked(component[mesh.faces[:, 0]], int(component.max()) + 1)
     closed[component[topology.edges[open_edges, 0]]] = False
     number = np.where(closed, np.cumsum(closed) - 1, -1)
     return Parts(number[component], int(closed.sum()))

@@ -17,6 +17,7 @@ from cascadenorm.compute.arrays import (
     doubled,
     first_of_each,
     first_places,
+    marked,
     pair_products,
     row_distances,
     row_lengths,
@@ -56,7 +57,7 @@ __all__ = [
     "MeshError", "Topology", "Vectors", "all_in_rows", "angles_between", "any_in_rows", "as_array", "bad_faces",
     "bad_vertices", "box_of", "connected_components", "doubled", "face_area_vectors", "first_of_each",
     "first_places", "in_blocks", "in_frame", "isolated", "joined_rows", "kernel", "limit_threads",
-    "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats", "repeats_vertex",
-    "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "surface_of", "thread_count",
-    "unit", "with_part_moved", "without_lines", "without_repeated_faces",
+    "marked", "one_blas_thread", "ordered_for_cache", "pair_products", "parallel_for", "part_of", "repeats",
+    "repeats_vertex", "row_distances", "row_lengths", "scale_between", "scaled_alike", "scatter_add", "surface_of",
+    "thread_count", "unit", "with_part_moved", "without_lines", "without_repeated_faces",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 
 from cascadenorm.compute.arrays import Bools, Floats, Ints, Ints32, Vectors, first_of_each, pair_products, scatter_add
 from cascadenorm.geometry.volume import closed_parts, volumes
-from cascadenorm.mesh import Mesh, Topology, connected_components, kernel, parallel_for
+from cascadenorm.mesh import Mesh, Topology, connected_components, kernel, marked, parallel_for
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 FLAT_HEIGHT = 1e-12  # ratio of height to longest edge up to which a face counts as degenerate
@@ -77,9 +77,8 @@ def enclosed(mesh: Mesh, pinched: Bools) -> Enclosed:
     of_face, of_edge = number[mesh.faces[:, 0]], number[mesh.topology.edges[:, 0]]
     inside = np.flatnonzero(of_face >= 0)
     counts = [np.bincount(of[of >= 0], minlength=total) for of in (number, of_edge, of_face)]
-    manifold = np.ones(total, bool)
     of_pinched = number[pinched]
-    manifold[of_pinched[of_pinched >= 0]] = False
+    manifold = ~marked(of_pinched[of_pinched >= 0], total)
     first = inside[first_of_each(of_face[inside])]
     return Enclosed(first, volumes(mesh, closed), counts[0] - counts[1] + counts[2], manifold)
 

@@ -27,7 +27,7 @@ from cascadenorm.detection.steps import Treads, treads
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.small_components import component_count, small_components
 from cascadenorm.learned.methods import MeshTreatment
-from cascadenorm.mesh import Bools, Mesh, any_in_rows, repeats
+from cascadenorm.mesh import Bools, Mesh, any_in_rows, marked, repeats
 from cascadenorm.mesh.frame import in_frame
 from cascadenorm.mesh.isolation import bad_faces, bad_vertices, isolated, repeats_vertex, without_repeated_faces
 from cascadenorm.mesh.welding import nearly_coincident
@@ -199,8 +199,7 @@ def inspect(mesh: Any, faces: ArrayLike | None = None, *, self_intersections: bo
     outside = np.asarray((corners < 0) | (corners >= count))
     out_of_range, not_finite = any_in_rows(outside), bad_vertices(given.vertices)
     bad = bad_faces(given.vertices, corners)
-    used = np.zeros(count + 1, bool)
-    used[np.where(outside, count, corners)] = True
+    used = marked(np.where(outside, count, corners), count + 1)
     whole = None if bad.any() else given.mesh
     report = {} if bad.all() else _shape(given, whole or isolated(given.vertices, corners), ~bad, self_intersections)
     return Inspection(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cascadenorm.geometry.orientation import oriented_patches
-from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, repeats, scatter_add
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, kernel, marked, repeats, scatter_add
 from cascadenorm.mesh.vectors import cross, dot, length, row, subtract
 
 Pattern = tuple[int, ...]
@@ -76,8 +76,7 @@ def shells(mesh: Mesh) -> Shells | None:
 
     # Components to divide: those with such an edge
     component = mesh.topology.components
-    divided = np.zeros(component.max() + 1, bool)
-    divided[component[mesh.topology.edges[junctions[meets], 0]]] = True
+    divided = marked(component[mesh.topology.edges[junctions[meets], 0]], int(component.max()) + 1)
     inside = divided[mesh.topology.face_components]
     if not inside.any():
         return None

@@ -8,7 +8,7 @@ from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.controls.boundary import BoundaryEdges, smoothed_curve
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.geometry.volume import Parts, closed_parts, volumes
-from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, marked, scatter_add, unit
 
 JUNCTION_SPREAD = 100.0  # disables the range weight along junction curves, where voxel steps look like corners
 JUNCTION_DIRECTION_PASSES, JUNCTION_VERTEX_PASSES = 2, 60
@@ -34,12 +34,9 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     normals = unit(shells.wall_normals(mesh, before.moved(vertices).face_normals))
 
     # Fit the vertices at and next to junctions, smooth the curves, and refit the vertices next to them
-    moved = np.zeros(count, bool)
-    moved[shells.owners[(vertices != before.vertices).any(axis=1)]] = True
-    at = np.zeros(count, bool)
-    at[shells.junctions] = True
-    near = at.copy()
-    near[mesh.faces[at[mesh.faces].any(axis=1)]] = True
+    moved = marked(shells.owners[(vertices != before.vertices).any(axis=1)], count)
+    at = marked(shells.junctions, count)
+    near = at | marked(mesh.faces[at[mesh.faces].any(axis=1)], count)
     fitted = _fitted(joined, normals, near & moved)
     curves = smoothed_curve(
         fitted.vertices,
@@ -52,8 +49,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     fitted = _fitted(smooth, normals, near & moved & ~at)
 
     # Reduce displacements that flip a face next to a junction
-    may_flip = np.ones(len(mesh.faces), bool)
-    may_flip[near[mesh.faces].any(axis=1)] = False
+    may_flip = ~near[mesh.faces].any(axis=1)
     may_flip[shells.faces[foldovers(before)]] = True
     return without_flips(mesh, fitted.vertices, may_flip=may_flip)
 

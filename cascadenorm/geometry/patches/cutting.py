@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from cascadenorm.geometry.neighborhoods import steps_from
-from cascadenorm.mesh import Bools, Csr, Index, Ints, Ints32, Mesh, Vectors, doubled, kernel
+from cascadenorm.mesh import Bools, Csr, Index, Ints, Ints32, Mesh, Vectors, doubled, kernel, marked
 
 
 class TooNarrow(Exception):
@@ -96,8 +96,7 @@ class Cutter:
         place[near] = np.arange(len(near), dtype=np.int32)
         numbers = _faces_between(faces, around, near, place)
         numbers.sort()
-        corners, inside = place[faces[numbers]], np.zeros(len(near), bool)
-        inside[place[seeds]] = True
+        corners, inside = place[faces[numbers]], marked(place[seeds], len(near))
         place[near] = -1
         complete = np.bincount(corners.ravel(), minlength=len(near)) == around.indptr[near + 1] - around.indptr[near]
         of_here = None if components is None else components[near]
