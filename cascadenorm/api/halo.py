@@ -16,7 +16,7 @@ from cascadenorm.compute.csr import grouped
 from cascadenorm.controls.weights import selected_vertices
 from cascadenorm.errors import MeshError, ParameterError
 from cascadenorm.geometry.neighborhoods import steps_from
-from cascadenorm.geometry.orientation import oriented
+from cascadenorm.geometry.orientation import oriented, with_flipped
 from cascadenorm.io.interop import as_mesh
 from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, Topology, first_places, ordered_for_cache
 from cascadenorm.mesh.frame import Frame, frame_of
@@ -223,9 +223,7 @@ def _check_local(controls: Controls) -> None:
 
 def in_frame_of_whole(mesh: Mesh, whole: Whole) -> Mesh:
     """Return a patch in the frame and the orientation of the whole mesh."""
-    faces = mesh.faces.copy()
-    faces[whole.flipped] = faces[whole.flipped, ::-1]
-    framed = whole.frame.of(Mesh(mesh.vertices, faces))
+    framed = whole.frame.of(with_flipped(mesh, whole.flipped))
     framed.topology.__dict__["vertex_colors"] = grouped(whole.group)
     return framed.with_facts(mean_edge_length=whole.mean_edge_length)
 

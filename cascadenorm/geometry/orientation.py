@@ -29,8 +29,11 @@ def oriented(mesh: Mesh) -> Mesh:
     there are none, the result is `mesh` itself.
     """
     flipped = _to_flip(mesh)
-    if not flipped.any():
-        return mesh
+    return with_flipped(mesh, flipped) if flipped.any() else mesh
+
+
+def with_flipped(mesh: Mesh, flipped: Bools) -> Mesh:
+    """Return the mesh with the vertices of some faces, (m,) bool, in reverse order."""
     faces = mesh.faces.copy()
     faces[flipped] = faces[flipped, ::-1]
     return Mesh(mesh.vertices, faces)
