@@ -59,9 +59,6 @@ def spectrum(mesh: Any, other: Any = None, *, count: int = EIGENVALUE_COUNT, sca
     ParameterError
         `count` is out of range, or `scale` is unknown.
     """
-    first = _values(mesh, count, scale)
-    return Spectrum(scale=scale, values=first, other=None if other is None else _values(other, count, scale))
-
-
-def _values(source: Any, count: int, scale: Scale) -> Floats:
-    return shape_dna(as_mesh(source), count, scale=scale)
+    first = shape_dna(as_mesh(mesh), count, scale=scale)
+    second = None if other is None else shape_dna(as_mesh(other), count, scale=scale)
+    return Spectrum(scale=scale, values=first, other=second)
