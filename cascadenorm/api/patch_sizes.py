@@ -47,14 +47,14 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
     or WorkerError if the cluster is not available or fails.
     """
     whole = WHOLE_FACE_BYTES * faces if scheduler is None else 0
-    left = memory - PROCESS_BYTES - whole
-    if left < PATCH_FACE_BYTES * min(MIN_PATCH_FACES, faces):
-        least = PROCESS_BYTES + whole + PATCH_FACE_BYTES * min(MIN_PATCH_FACES, faces)
+    least = PROCESS_BYTES + whole + PATCH_FACE_BYTES * min(MIN_PATCH_FACES, faces)
+    if memory < least:
         raise ParameterError(
             f"is {format_bytes(memory)}; {faces:,} faces need at least {format_bytes(least)}", parameter="memory"
         )
+    left = memory - PROCESS_BYTES - whole
+    size = left // PATCH_FACE_BYTES
     if scheduler is None:
-        size = left // PATCH_FACE_BYTES
         if size < faces:  # a larger patch would save little; the remaining memory caches results between passes
             size = min(MAX_PATCH_FACES, max(MIN_PATCH_FACES, size // 2))
         with working_in_patches(Patching(size, spare=left - size * PATCH_FACE_BYTES)):
@@ -63,6 +63,6 @@ def patches_within(memory: int, faces: int, scheduler: str | None) -> Iterator[N
     workers = thread_count() if scheduler == LOCAL_CLUSTER else 1
     with (
         on_cluster(scheduler, workers=workers, folder=None) as each,
-        working_in_patches(Patching(min(MAX_PATCH_FACES, left // PATCH_FACE_BYTES), each)),
+        working_in_patches(Patching(min(MAX_PATCH_FACES, size), each)),
     ):
         yield
