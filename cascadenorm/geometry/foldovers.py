@@ -44,7 +44,7 @@ def without_flips(
     halvings = np.zeros(len(vertices), np.uint8)
     slivers = mesh.heights < SLIVER * mesh.mean_edge_length
     while True:
-        while halved_where_flipped(mesh, vertices, held, halvings, pairs).any():
+        while _halve_where_flipped(mesh, vertices, held, halvings, pairs):
             pass
         moved = partly_displaced(mesh, vertices, halvings)
         free = slivers & ~held
@@ -54,18 +54,12 @@ def without_flips(
         held |= harmful
 
 
-def halved_where_flipped(
-    mesh: Mesh, vertices: Vectors, held: Bools, halvings: Bytes, pairs: Ints32 | None = None
-) -> Bools:
-    """Add one halving, in place, for the vertices of faces that flip or fold, and return these faces, (m,) bool.
-
-    The `held` faces, (m,), may not flip, and the normals of the pairs of adjacent faces, (p, 2), may differ by at most
-    105°. The halvings, (n,), are those of the displacement of each vertex.
-    """
+def _halve_where_flipped(mesh: Mesh, vertices: Vectors, held: Bools, halvings: Bytes, pairs: Ints32 | None) -> bool:
+    """Add one halving, in place, for the vertices of faces that flip or fold; return whether there are any."""
     flipped = _flipped_or_folded(mesh, held, pairs, mesh.moved(partly_displaced(mesh, vertices, halvings)))
     back = np.unique(mesh.faces[flipped])
     halvings[back] = np.minimum(halvings[back] + 1, STEP_HALVINGS + 1)
-    return flipped
+    return len(back) > 0
 
 
 def unfolded(mesh: Mesh, vertices: Vectors, flawed: Callable[[Mesh], Bools], *, rounds: int) -> Vectors:
