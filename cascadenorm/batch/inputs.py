@@ -96,12 +96,11 @@ def _remote(places: Sequence[str], results: str, skipped: list[str]) -> Iterator
                 yield file.url, Job(file.url, inside, file.size, file.version)
 
 
-def check_sources(sources: Sources, folder: str | Path, jobs: Sequence[Job]) -> None:
+def check_sources(sources: Sequence[str], folder: str | Path, jobs: Sequence[Job]) -> None:
     """Reject a batch without files with ReadError, and one with two files of the same output path with OutputError."""
     if not jobs:
-        named = ", ".join(source_names(sources))
         raise ReadError(
-            f"{named}: no mesh files were found (those in the output folder {folder} are not read)",
+            f"{', '.join(sources)}: no mesh files were found (those in the output folder {folder} are not read)",
             hint='check the names, and quote patterns, such as "scans/**/*.ply"',
         )
     owners: dict[str, Job] = {}
