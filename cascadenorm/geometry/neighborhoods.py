@@ -44,14 +44,8 @@ def faces_near(mesh: Mesh, faces: Ints32, radius: float, *, most: int = UNLIMITE
     The result is that of `within` on the graph of faces that share a vertex, which need not be stored: a row for each
     of the (k,) given faces, in breadth-first order, with at most `most` faces, the first of which is the given one.
     """
-    topology = mesh.topology
-    most = min(most, len(mesh.faces))
-    parts = parallel_for(
-        len(faces),
-        _faces_near_range,
-        *(faces, mesh.faces, topology.vertex_faces, mesh.centroids, radius * radius, most),
-        smallest=SMALLEST_COSTLY_CHUNK,
-    )
+    given = faces, mesh.faces, mesh.topology.vertex_faces, mesh.centroids, radius * radius, min(most, len(mesh.faces))
+    parts = parallel_for(len(faces), _faces_near_range, *given, smallest=SMALLEST_COSTLY_CHUNK)
     return joined_rows(len(faces), parts)
 
 
