@@ -29,7 +29,7 @@ class SurfaceTree:
     def __init__(self, mesh: Mesh) -> None:
         self.order = np.argsort(morton_codes(mesh.centroids), kind="stable")
         self.corners = mesh.corners[self.order]
-        leaves = 1 << max(0, int(np.ceil(np.log2(-(-len(self.corners) // LEAF_TRIANGLES)))))
+        leaves = 1 << ((len(self.corners) - 1) // LEAF_TRIANGLES).bit_length()
         self.boxes = np.empty((2 * leaves - 1, 2, 3))
         lowest = self.boxes[leaves - 1 :]
         lowest[:, 0], lowest[:, 1] = np.inf, -np.inf
