@@ -6,13 +6,15 @@ operations for each index does not depend on the range, so results are byte-iden
 
 import math
 import os
+import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
-from threading import Event, Lock, Thread
+from threading import Lock
+from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,6 +27,7 @@ BLOCK = 1024  # rows; with about a hundred numbers each they fit into the L2 cac
 CHUNKS_PER_THREAD = 4  # balances ranges of unequal cost
 SMALLEST_CHUNK = 4096  # indices, on which most kernels spend less than a thread needs to start and stop
 SMALLEST_COSTLY_CHUNK = 512  # for kernels that visit many neighbours of each index
+SCIPY_BLAS = "scipy.linalg._fblas"  # extension module that is loaded with the BLAS of scipy
 SUMS, FEWEST_TERMS = 32, 512  # blocks with partial sums, used if each block has many terms, and many more than sums
 
 _limit: ContextVar[int | None] = ContextVar("thread_limit", default=None)
@@ -54,55 +57,69 @@ class _BlasLimit:
     """Limit of BLAS to one thread while any thread of this process is inside.
 
     Some libraries have a process-wide limit that only the thread that set it can lift. A dedicated thread therefore
-    sets the limit and waits until the last user leaves.
+    sets the limits, and lifts them when the last user leaves.
     """
 
     def __init__(self) -> None:
-        self._lock, self._inside, self._over = Lock(), 0, Event()
+        self._lock, self._inside = Lock(), 0
 
     def enter(self) -> None:
         with self._lock:
             if self._inside == 0:
-                limited, self._over = Event(), Event()
-                self._keeper = Thread(target=self._keep, args=(limited, self._over), daemon=True)
-                self._keeper.start()
-                limited.wait()
+                self._keeper, self._limits, self._limited = ThreadPoolExecutor(1), ExitStack(), 0
             self._inside += 1
+            later = _blas_libraries()[self._limited :]  # scipy may have loaded its own meanwhile
+            self._keeper.submit(_limit_libraries, self._limits, later).result()
+            self._limited += len(later)
 
     def leave(self) -> None:
         with self._lock:
             self._inside -= 1
             if self._inside == 0:
-                self._over.set()
-                self._keeper.join()
-
-    @staticmethod
-    def _keep(limited: Event, over: Event) -> None:
-        with _pools().limit(limits=1, user_api="blas"):
-            limited.set()
-            over.wait()
+                self._keeper.submit(self._limits.close).result()
+                self._keeper.shutdown()
 
 
 _blas_limit = _BlasLimit()
 
 
 @contextmanager
-def one_blas_thread() -> Iterator[None]:
+def one_blas_thread(*_scipy_modules: ModuleType) -> Iterator[None]:
     """Limit BLAS to one thread inside the block, since its order of summation depends on the threads.
 
-    Blocks in different threads may overlap.
+    Blocks in different threads may overlap. Pass the modules of scipy that solve equations in the block: scipy loads
+    them, and a BLAS of its own, only when they are used, and what is loaded inside the block has no limit.
     """
     _blas_limit.enter()
     try:
-        with _pools().limit(limits=1, user_api="blas"):  # for libraries with a limit per thread
+        with ExitStack() as limits:
+            _limit_libraries(limits, _blas_libraries())  # those with a limit per thread
             yield
     finally:
         _blas_limit.leave()
 
 
+def _limit_libraries(limits: ExitStack, libraries: Sequence[ThreadpoolController]) -> None:
+    for each in libraries:
+        limits.enter_context(each.limit(limits=1))
+
+
+def _blas_libraries() -> list[ThreadpoolController]:
+    """Return the BLAS libraries that are loaded: those of the first call, and those that scipy has loaded since."""
+    return [_first_libraries(), _later_libraries()] if SCIPY_BLAS in sys.modules else [_first_libraries()]
+
+
 @cache
-def _pools() -> ThreadpoolController:
-    return ThreadpoolController()
+def _first_libraries() -> ThreadpoolController:
+    return ThreadpoolController().select(user_api="blas")
+
+
+@cache
+def _later_libraries() -> ThreadpoolController:
+    known = [library.filepath for library in _first_libraries().lib_controllers]
+    libraries = ThreadpoolController().select(user_api="blas")
+    later = [library.filepath for library in libraries.lib_controllers if library.filepath not in known]
+    return libraries.select(filepath=later)
 
 
 class _Pool:

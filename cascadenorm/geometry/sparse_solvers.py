@@ -36,7 +36,7 @@ class Factorisation:
         _nested_dissection(matrix.indptr, matrix.indices, np.ascontiguousarray(positions), LEAF_UNKNOWNS, self.order)
         ordered = scipy.sparse.csc_array(matrix[self.order][:, self.order])
         try:
-            with one_blas_thread():
+            with one_blas_thread(scipy.sparse.linalg):
                 self.factors = scipy.sparse.linalg.splu(
                     ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
                 )
@@ -49,7 +49,7 @@ class Factorisation:
     def solve(self, right: Floats) -> Floats:
         """Return the solution for one right-hand side (n,) or for several, (n, c)."""
         solution = np.empty(right.shape)
-        with one_blas_thread():
+        with one_blas_thread(scipy.sparse.linalg):
             solution[self.order] = self.factors.solve(right[self.order])
         return solution
 
@@ -116,7 +116,7 @@ def solve_preconditioned(matrix: Any, right: Floats, precondition: Callable[[Flo
     """
     if right.ndim == 2:
         return np.stack([solve_preconditioned(matrix, column, precondition) for column in right.T.copy()], axis=1)
-    with one_blas_thread():
+    with one_blas_thread(scipy.sparse.linalg):
         solution, unsolved = scipy.sparse.linalg.cg(
             matrix, right, rtol=SOLVER_TOLERANCE, M=scipy.sparse.linalg.LinearOperator(matrix.shape, precondition)
         )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cascadenorm.io.base import MeshFile
 from cascadenorm.io.content import Positions
-from cascadenorm.mesh import Mesh, connected_components
+from cascadenorm.mesh import Mesh, connected_components, one_blas_thread
 
 
 class HolePatches:
@@ -49,7 +49,8 @@ class HolePatches:
         graph = scipy.sparse.coo_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), (count, count)).tocsr()
         rows = graph[self._own :]
         matrix = scipy.sparse.diags_array(rows.sum(axis=1)) - rows[:, self._own :]
-        return np.asarray(scipy.sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
+        with one_blas_thread(scipy.sparse.linalg):
+            return np.asarray(scipy.sparse.linalg.spsolve(matrix.tocsc(), rows[:, : self._own] @ known), np.float64)
 
     def all_normals(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         """Return (k + a, 3) unit normals of first copies, zero for other copies, and of additional vertices.

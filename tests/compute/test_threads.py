@@ -32,6 +32,31 @@ def test_blas_has_one_thread_inside_and_its_own_number_again_outside():
         assert blas_threads() == {2}
 
 
+def test_the_blas_that_scipy_loads_late_has_one_thread_too():
+    code = """
+import scipy
+from threadpoolctl import threadpool_info
+from cascadenorm.mesh import one_blas_thread
+
+def threads():
+    return sorted(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+with one_blas_thread():  # before scipy has loaded its own
+    first = threads()
+    with one_blas_thread(scipy.linalg):
+        both = threads()
+print(set(first), set(both), set(threads()), "scipy.linalg._fblas" in __import__("sys").modules)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["{1}", "{1}", "{2}", "True"]
+
+
 def test_blas_keeps_to_one_thread_until_the_last_of_several_callers_leaves():
     first_left, seen = Barrier(2), []
 

@@ -65,7 +65,7 @@ def fast_harmonics(mesh: Mesh, count: int, *, samples: int | None = None) -> Har
         basis = scipy.sparse.csr_array(basis - scipy.sparse.diags_array(weights) @ (laplacian.stiffness @ basis))
     stiffness = (basis.T @ (laplacian.stiffness @ basis)).toarray()
     mass = (basis.T @ (scipy.sparse.diags_array(laplacian.mass) @ basis)).toarray()
-    with one_blas_thread():
+    with one_blas_thread(scipy.linalg):
         values, reduced = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, count - 1))
     return Harmonics(np.maximum(values, 0.0), np.asarray(basis @ reduced), laplacian.mass).scaled(exponent)
 

@@ -101,7 +101,7 @@ def _lowest(laplacian: Laplacian, inside: Ints, count: int) -> Pairs:
     if len(inside) > DENSE and 3 * count <= len(inside):
         return _in_bands(Laplacian(stiffness, mass, laplacian.positions[inside]), count)
     root = 1 / np.sqrt(mass)
-    with one_blas_thread():
+    with one_blas_thread(scipy.linalg):
         values, vectors = scipy.linalg.eigh(root[:, None] * stiffness.toarray() * root, subset_by_index=(0, count - 1))
     return values, root[:, None] * vectors
 
@@ -189,7 +189,7 @@ def _band(laplacian: Laplacian, shift: float, count: int, known: Floats | None =
 
     start = np.cos((1 + others.shape[1]) * np.arange(n))
     try:
-        with one_blas_thread():
+        with one_blas_thread(scipy.sparse.linalg):
             operator = scipy.sparse.linalg.LinearOperator((n, n), apply, dtype=np.float64)
             inverse, vectors = scipy.sparse.linalg.eigsh(
                 operator, count, v0=start, maxiter=RESTARTS, tol=EIGENVALUE_TOLERANCE
