@@ -8,7 +8,7 @@ from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.controls.boundary import BoundaryEdges, smoothed_curve
 from cascadenorm.geometry.foldovers import foldovers, without_flips
 from cascadenorm.geometry.volume import Parts, closed_parts, volumes
-from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, marked, scatter_add, unit
+from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, any_in_rows, marked, scatter_add, unit
 
 JUNCTION_SPREAD = 100.0  # disables the range weight along junction curves, where voxel steps look like corners
 JUNCTION_DIRECTION_PASSES, JUNCTION_VERTEX_PASSES = 2, 60
@@ -49,7 +49,7 @@ def joined_walls(shells: Shells, mesh: Mesh, vertices: Vectors) -> Vectors:
     fitted = _fitted(smooth, normals, near & moved & ~at)
 
     # Reduce displacements that flip a face next to a junction
-    may_flip = ~near[mesh.faces].any(axis=1)
+    may_flip = ~any_in_rows(near[mesh.faces])
     may_flip[shells.faces[foldovers(before)]] = True
     return without_flips(mesh, fitted.vertices, may_flip=may_flip)
 
