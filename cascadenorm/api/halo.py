@@ -181,7 +181,7 @@ def check_halo(method: Method, parameters: Mapping[str, Any], mesh: Mesh, contro
     """Return the halo of a patch; raise ParameterError if it does not suffice, or belongs to another mesh."""
     halo = controls["halo"]
     if not isinstance(halo, Halo):
-        raise ParameterError(f"is a {type(halo).__name__}; it must be the halo of a patch", parameter="halo")
+        raise ParameterError(f"is of type {type(halo).__name__}; it must be the halo of a patch", parameter="halo")
     whole = halo.whole
     if len(whole.group) != len(mesh.vertices) or len(whole.flipped) != len(mesh.faces):
         raise ParameterError(

@@ -202,7 +202,7 @@ def train(
         A process that shares the work ended early.
     """
     if not isinstance(config, TrainConfig):
-        problem = f"is a {type(config).__name__}; it must be a TrainConfig, which read_config reads from a file"
+        problem = f"is of type {type(config).__name__}; it must be a TrainConfig, which read_config reads from a file"
         raise ParameterError(problem, parameter="config")
     threads = CONTROLS["threads"].checked(threads)
     output = Path(output)

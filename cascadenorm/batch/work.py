@@ -60,7 +60,7 @@ def batch_settings(
     if method in SHIPPED:
         if not isinstance(model := values["model"], str | PathLike | None):
             raise ParameterError(
-                f"is a {type(model).__name__}; it must be the path of a weights file, which each process reads",
+                f"is of type {type(model).__name__}; it must be the path of a weights file, which each process reads",
                 parameter="model",
             )
         api.check_weights(method, values)  # fail early: invalid weights would fail for every file

@@ -135,7 +135,9 @@ def write(
     """
     others = others or {}
     if not isinstance(file, MeshFile):
-        raise OutputError(f"file is a {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays")
+        raise OutputError(
+            f"file is of type {type(file).__name__}; it must be a MeshFile: make one with read or from_arrays"
+        )
     path = Path(target) if isinstance(target, str | os.PathLike) else None
     check_stream(target)
     chosen = output_format(f".{format}" if format else target, file.format)
@@ -224,7 +226,7 @@ def check_stream(target: Source) -> None:
     if isinstance(target, TextIOBase):
         raise OutputError(f'{stream_name(target)} is a text stream: open the file in binary mode, "wb"')
     if not hasattr(target, "write"):
-        raise OutputError(f"a {type(target).__name__} is neither a path nor a stream of bytes")
+        raise OutputError(f"target is of type {type(target).__name__}, which is neither a path nor a stream of bytes")
     if getattr(target, "closed", False):
         raise OutputError(f"{stream_name(target)} cannot be written: it is closed")
     if hasattr(target, "writable") and not target.writable():
@@ -320,7 +322,7 @@ def from_arrays(vertices: ArrayLike, faces: ArrayLike) -> MeshFile:
 def check_source(source: object) -> None:
     """Raise ReadError if a source is neither a path nor a stream."""
     if not isinstance(source, str | os.PathLike) and not hasattr(source, "read"):
-        raise ReadError(f"a {type(source).__name__} is neither a path nor a stream of bytes")
+        raise ReadError(f"source is of type {type(source).__name__}, which is neither a path nor a stream of bytes")
 
 
 def _bytes_of(source: Source) -> tuple[str, Path | None, bytes]:

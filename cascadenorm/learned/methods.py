@@ -141,7 +141,9 @@ def loaded(model: Learned | Path | None, name: str) -> Learned:
     if isinstance(model, Learned):
         return model
     if not isinstance(model, str | PathLike | None):
-        raise ParameterError(f"model is a {type(model).__name__}; it must be the path of a file that `train` made")
+        raise ParameterError(
+            f"model is of type {type(model).__name__}; it must be the path of a file that `train` made"
+        )
     return shipped(name) if model is None else read_model(model)
 
 

@@ -37,7 +37,7 @@ def check_report(output: str | PathLike[str], *, force: bool) -> Path:
     """Return the path of a report; raise the errors of `report` before any work."""
     if not isinstance(output, str | PathLike):
         raise ParameterError(
-            f"is a {type(output).__name__}; the path of the report comes before the meshes", parameter="output"
+            f"is of type {type(output).__name__}; the path of the report comes before the meshes", parameter="output"
         )
     path = Path(output)
     if path.suffix.lower() not in (".html", ".htm"):

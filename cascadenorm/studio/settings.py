@@ -91,7 +91,7 @@ def _names_a_file(setting: Setting, value: Any) -> bool:
 def _plain(given: Any) -> dict[str, Any]:
     """Return settings whose values are numbers or short texts."""
     if not isinstance(given, dict):
-        raise ParameterError(f"settings are a {type(given).__name__}; they must be an object of names and values")
+        raise ParameterError(f"settings are of type {type(given).__name__}; they must be an object of names and values")
     for name, value in given.items():
         known = isinstance(value, str | int | float | None) and not isinstance(value, bool)
         if not known or len(str(value)) > MOST_LETTERS:

@@ -134,7 +134,7 @@ def test_controls_that_see_all_of_the_mesh_are_refused():
             cn.denoise(part, patch.faces, method="taubin", iterations=4, halo=patch.halo, **{name: value})
     with pytest.raises(cn.ParameterError, match=r"^halo belongs to a patch of \d+ vertices"):
         cn.denoise(BALL, method="taubin", halo=patch.halo)
-    with pytest.raises(cn.ParameterError, match=r"^halo is a list"):
+    with pytest.raises(cn.ParameterError, match=r"^halo is of type list"):
         cn.denoise(BALL, method="taubin", halo=[0, 1])
 
 

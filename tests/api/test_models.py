@@ -150,7 +150,7 @@ def test_a_denoiser_takes_no_other_method_or_model():
     mesh = noisy(icosphere(2), 0.2)
     with pytest.raises(cn.ParameterError, match="method is set by the Denoiser"):
         cn.Denoiser.shipped("cascade").denoise(mesh, method="auto")
-    with pytest.raises(cn.ParameterError, match="model is a Denoiser; it must be the path"):
+    with pytest.raises(cn.ParameterError, match="model is of type Denoiser; it must be the path"):
         cn.denoise(mesh, model=cn.Denoiser.shipped("cascade"))
 
 
@@ -249,7 +249,9 @@ def test_logs_of_another_kind_are_refused(tmp_path, capsys):
 
 
 def test_the_name_of_a_file_is_no_configuration(tmp_path):
-    with pytest.raises(cn.ParameterError, match="config is a str; it must be a TrainConfig, which read_config reads"):
+    with pytest.raises(
+        cn.ParameterError, match="config is of type str; it must be a TrainConfig, which read_config reads"
+    ):
         cn.train("configs/cascade.toml", tmp_path / "w.safetensors")
 
 

@@ -86,7 +86,10 @@ class Unwritable(io.BytesIO):
 @pytest.mark.parametrize("source", [5, None, icosphere(1)])
 def test_sources_that_are_neither_a_path_nor_a_stream_are_refused_as_such(source):
     for read in (cn.read, cn.denoise_file):
-        with pytest.raises(cn.ReadError, match=f"a {type(source).__name__} is neither a path nor a stream of bytes"):
+        with pytest.raises(
+            cn.ReadError,
+            match=f"source is of type {type(source).__name__}, which is neither a path nor a stream of bytes",
+        ):
             read(source)
 
 
@@ -95,9 +98,9 @@ def test_sources_that_are_neither_a_path_nor_a_stream_are_refused_as_such(source
     [
         (closed(io.BytesIO()), "the stream cannot be written: it is closed"),
         (io.StringIO(), 'the stream is a text stream: open the file in binary mode, "wb"'),
-        (cn.read(io.BytesIO(PLY_TEXT)), "a PlyFile is neither a path nor a stream of bytes"),
+        (cn.read(io.BytesIO(PLY_TEXT)), "target is of type PlyFile, which is neither a path nor a stream of bytes"),
         (Unwritable(), 'the stream cannot be written: open the file in binary mode, "wb"'),
-        (b"a.ply", "a bytes is neither a path nor a stream of bytes"),
+        (b"a.ply", "target is of type bytes, which is neither a path nor a stream of bytes"),
     ],
     ids=["closed", "text", "mesh", "for reading", "bytes"],
 )

@@ -493,5 +493,7 @@ def test_a_file_without_a_usable_face_has_a_report_in_text(place, capsys, faces,
 def test_a_report_does_not_replace_a_mesh_and_says_which_argument_comes_first(place):
     with pytest.raises(cn.OutputError, match=r"rough\.ply is not the name of an HTML file: end it in \.html"):
         cn.report("rough.ply", "rough.ply", force=True)
-    with pytest.raises(cn.ParameterError, match="output is a Mesh; the path of the report comes before the meshes"):
+    with pytest.raises(
+        cn.ParameterError, match="output is of type Mesh; the path of the report comes before the meshes"
+    ):
         cn.report(cn.read("rough.ply").mesh, "rough.ply")
