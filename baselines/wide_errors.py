@@ -12,7 +12,7 @@ from cascadenorm.baselines.bilateral_normal import bilateral_normal
 from cascadenorm.execution.progress import track
 from cascadenorm.geometry.coarse_copy import CoarseCopy, coarse_copy
 from cascadenorm.geometry.foldovers import unfolded
-from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, pair_products, row_distances
+from cascadenorm.mesh import Bools, Floats, Mesh, Vectors, marked, pair_products, row_distances
 
 SHARES = 0.6, 0.525, 0.675
 """Edge lengths of the copies, relative to the width of the error. The clusters of each copy are located differently,
@@ -60,9 +60,7 @@ def without_folds(mesh: Mesh, vertices: Vectors) -> Vectors:
     pairs = pairs[pair_products(mesh.face_normals, pairs) >= BLADE_COSINE]
 
     def folded(moved: Mesh) -> Bools:
-        faces = np.zeros(len(mesh.faces), bool)
-        faces[pairs[pair_products(moved.face_normals, pairs) < UNFOLDED_COSINE]] = True
-        return faces
+        return marked(pairs[pair_products(moved.face_normals, pairs) < UNFOLDED_COSINE], len(mesh.faces))
 
     return unfolded(mesh, vertices, folded, rounds=UNFOLDING_ROUNDS)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, Vectors, scatter_add, unit
+from cascadenorm.mesh import Floats, Ints, Ints32, Mesh, Vectors, marked, scatter_add, unit
 
 BOUNDARY_SPREAD = 1.5  # of the range weight, in median angles between consecutive guidance edges
 ZIGZAG_SPREAD = 0.1  # minimum spread, in mean angles between consecutive boundary edges
@@ -145,8 +145,7 @@ def smoothed_curve(
     """
     directions = _filtered_directions(vertices, boundary, spread, passes)
     tail, head = boundary.edges.T
-    inner = np.zeros(len(vertices), bool)
-    inner[boundary.inner] = True
+    inner = marked(boundary.inner, len(vertices))
     for _ in range(vertex_passes):
         edges = vertices[head] - vertices[tail]
         across = edges - np.einsum("ij,ij->i", edges, directions)[:, None] * directions

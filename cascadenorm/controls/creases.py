@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, first_places, scatter_add
+from cascadenorm.mesh import Bools, Floats, Ints, Ints32, Mesh, Vectors, first_places, marked, scatter_add
 
 MEAN_WEIGHT = 0.02  # weight h of the mean of the copies, relative to 1 - cos of the angle between two sides
 
@@ -35,8 +35,7 @@ class CreaseSides(NamedTuple):
         """
         # Copies of the vertices that have several, and for each copy the row of its vertex in `places`
         count = len(mesh.vertices)
-        split = np.zeros(count, bool)
-        split[self.owners[count:]] = True
+        split = marked(self.owners[count:], count)
         chosen = np.flatnonzero(split[self.owners])
         places, row = np.unique(self.owners[chosen], return_inverse=True)
 
@@ -127,9 +126,7 @@ def _listed_edges(mesh: Mesh, pairs: NDArray[Any], places: Ints32 | None) -> Boo
             parameter="creases",
             hint="give the two vertices of an edge, counted from 0",
         )
-    creases = np.zeros(len(edges), bool)
-    creases[place] = True
-    return creases
+    return marked(place, len(edges))
 
 
 def cut_along(mesh: Mesh, creases: Bools) -> CreaseSides:
@@ -139,8 +136,7 @@ def cut_along(mesh: Mesh, creases: Bools) -> CreaseSides:
     """
     # Half-edges at vertices that a crease touches, and the fan of connected faces that contains each
     count, faces = len(mesh.vertices), mesh.faces
-    touched = np.zeros(count, bool)
-    touched[mesh.topology.edges[creases]] = True
+    touched = marked(mesh.topology.edges[creases], count)
     corners = np.flatnonzero(touched[faces.ravel()])
     vertices = faces.ravel()[corners]
     fans = mesh.topology.fans(~creases)

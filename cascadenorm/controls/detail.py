@@ -17,7 +17,7 @@ from cascadenorm.geometry.coarse_copy import CoarseCopy
 from cascadenorm.geometry.foldovers import without_flips
 from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.geometry.sparse_solvers import solver_of_steps
-from cascadenorm.mesh import Mesh, Vectors, as_array
+from cascadenorm.mesh import Mesh, Vectors, as_array, marked
 from cascadenorm.registry import REGION, Method
 
 TREAT_AS = "treat_as"  # name of the parameter of `auto`
@@ -70,8 +70,7 @@ def apply_method(method: Method, parameters: Mapping[str, Any], width: float | N
 def _on_copy(method: Method, parameters: Mapping[str, Any], copy: CoarseCopy) -> Vectors:
     """Apply a method to a coarse copy; a cluster moves only if all of its vertices may move."""
     if REGION in parameters:
-        held = np.zeros(len(copy.mesh.vertices), bool)
-        held[copy.labels[~parameters[REGION] & (copy.labels >= 0)]] = True
+        held = marked(copy.labels[~parameters[REGION] & (copy.labels >= 0)], len(copy.mesh.vertices))
         parameters = {**parameters, REGION: ~held}
     if len(copy.mesh.vertices) < len(copy.labels):  # the triangles of a coarse copy do not show the kind of surface
         parameters = as_unknown_surface(method, parameters)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from cascadenorm.geometry.foldovers import foldovers, without_flips
-from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, unit
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, connected_components, marked, unit
 
 PLANE_TOLERANCE = 1e-6  # largest distance of a vertex from its plane, in diagonals of the bounding box
 MIN_COVERED_FRACTION = 0.5  # smallest share of the outline along its normal that the vertices on a plane span
@@ -34,8 +34,7 @@ class Sliding(NamedTuple):
     def slid(self, step: Callable[[Mesh], Vectors], mesh: Mesh) -> Vectors:
         """Return the vertices after a step and sliding, without displacements that would flip a face."""
         slid = mesh.vertices + self.constrained(step(mesh) - mesh.vertices)
-        slides = np.zeros(len(slid), bool)
-        slides[self.vertices] = True
+        slides = marked(self.vertices, len(slid))
         may_flip = foldovers(mesh) | ~slides[mesh.faces].any(axis=1)
         return without_flips(mesh, slid, may_flip=may_flip)
 

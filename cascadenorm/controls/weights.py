@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import ParameterError
-from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, first_places
+from cascadenorm.mesh import Bools, Floats, Ints32, Mesh, first_places, marked
 from cascadenorm.registry.controls import Controls
 
 
@@ -75,6 +75,4 @@ def _selected(name: str, given: NDArray[Any], count: int, one: str, several: str
             parameter=name,
             hint="convert a mask to bool",
         )
-    selected = np.zeros(count, bool)
-    selected[given.astype(np.int64)] = True
-    return selected
+    return marked(given.astype(np.int64), count)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cascadenorm.detection.segmentation_steps import has_voxel_faces, is_segmentation
 from cascadenorm.detection.voxel_lattice import VoxelLattice, lattice_of_grey_values, lattice_of_mask
-from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Floats, Ints, Mesh, Vectors, kernel, marked, parallel_for
 from cascadenorm.mesh.vectors import row, squared_distance
 
 NameOfKind = Literal["none", "independent", "correlated", "segmentation", "volume", "depth image"]
@@ -120,8 +120,7 @@ def autocorrelation(points: Vectors, values: Floats, reach: float) -> tuple[Floa
     # bins of each centre, with points sorted along the axis of their largest extent
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
-    chosen = np.zeros(len(points), bool)
-    chosen[np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64)] = True
+    chosen = marked(np.linspace(0, len(points) - 1, min(PAIRS, len(points))).astype(np.int64), len(points))
     centers = np.flatnonzero(chosen[order])
     binned = np.zeros((2, len(centers), int(reach) + 1))
     parallel_for(len(centers), _bins_range, centers, points[order], axis, values[order], reach, binned, smallest=64)

@@ -4,7 +4,19 @@ from statistics import NormalDist
 
 import numpy as np
 
-from cascadenorm.mesh import Csr, Floats, Index, Ints32, Mesh, Vectors, any_in_rows, kernel, parallel_for, scatter_add
+from cascadenorm.mesh import (
+    Csr,
+    Floats,
+    Index,
+    Ints32,
+    Mesh,
+    Vectors,
+    any_in_rows,
+    kernel,
+    marked,
+    parallel_for,
+    scatter_add,
+)
 from cascadenorm.mesh.averages import averaged
 from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
@@ -74,8 +86,7 @@ def _differences_along(mesh: Mesh, edges: Ints32) -> Floats:
 def _inner_edges(mesh: Mesh) -> Ints32:
     """Return the interior edges without an end on a boundary or non-manifold edge."""
     edges, inner = mesh.topology.edges, mesh.topology.edge_faces.counts == 2
-    on_border = np.zeros(len(mesh.vertices), bool)
-    on_border[edges[~inner]] = True
+    on_border = marked(edges[~inner], len(mesh.vertices))
     return np.asarray(edges[inner & ~any_in_rows(on_border[edges])])
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cascadenorm.detection.noise_level import noise_level
-from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, parallel_for
+from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, marked, parallel_for
 from cascadenorm.mesh.vectors import Vector, add, divided, dot, length, row, subtract
 
 HIGH = 1.5  # smallest height of a spike above the mean of its neighbours, relative to their mean distance from it
@@ -48,9 +48,7 @@ def _standing(mesh: Mesh, found: Bools) -> Bools:
         len(candidates), _standing_range, candidates.astype(np.int32), mesh.vertices, mesh.faces, mesh.face_normals,
         topology.vertex_neighbors, topology.vertex_faces, standing,
     )  # fmt: skip
-    out = np.zeros(len(found), bool)
-    out[candidates[standing]] = True
-    return out
+    return marked(candidates[standing], len(found))
 
 
 def without_outliers(mesh: Mesh) -> Mesh:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cascadenorm.errors import OutputError, counted
 from cascadenorm.io.text.text import Text
 from cascadenorm.io.text.tokenizer import Offsets
-from cascadenorm.mesh import Bools, any_in_rows, first_places
+from cascadenorm.mesh import Bools, any_in_rows, first_places, marked
 from cascadenorm.mesh.polygons import Polygons
 
 Positions = NDArray[Any]  # (k, 3) float32 or float64, as stored in the file
@@ -32,8 +32,7 @@ class Content:
         corners = self.polygons.out_of_range(len(self.positions))
         if not corners.any():
             return self
-        bad = np.zeros(len(self.polygons), bool)
-        bad[self.polygons.owners[corners]] = True
+        bad = marked(self.polygons.owners[corners], len(self.polygons))
         what = "face that references a vertex that does not exist", "faces that reference vertices that do not exist"
         lost = counted(int(bad.sum()), *what)
         return replace(self.with_polygons(~bad), left_out=(*self.left_out, lost))

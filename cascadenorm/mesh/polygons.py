@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Bools, Floats, Floats32, Ints, scatter_add
+from cascadenorm.compute.arrays import Bools, Floats, Floats32, Ints, marked, scatter_add
 from cascadenorm.mesh import face_area_vectors, kernel, parallel_for, repeats_vertex
 from cascadenorm.mesh.vectors import Three, Vector, area_vector, divided, length, row
 
@@ -131,8 +131,7 @@ def strips(counts: Ints, corners: Ints) -> Polygons:
 
     Triangles that repeat a vertex only connect two strips and are removed.
     """
-    ends = np.zeros(len(corners) + 1, bool)
-    ends[np.cumsum(counts)] = True
+    ends = marked(np.cumsum(counts), len(corners) + 1)
     cut = np.concatenate([[True], (corners == -1) | ends[1:]])[: len(corners)]
     begin = np.maximum.accumulate(np.where(cut, np.arange(len(corners)), 0))
     window = np.arange(max(len(corners) - 2, 0))

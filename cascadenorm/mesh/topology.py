@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Bools, Floats, Ints32, scatter_add
+from cascadenorm.compute.arrays import Bools, Floats, Ints32, marked, scatter_add
 from cascadenorm.compute.csr import Csr, grouped, joined_rows
 from cascadenorm.compute.kernels import kernel
 from cascadenorm.compute.threads import parallel_for
@@ -132,16 +132,12 @@ class Topology:
     @cached_property
     def used_vertices(self) -> Bools:
         """(n,) whether each vertex is referenced by a face."""
-        mask = np.zeros(self.vertex_count, bool)
-        mask[self.faces] = True
-        return mask
+        return marked(self.faces, self.vertex_count)
 
     @cached_property
     def boundary_vertices(self) -> Bools:
         """(n,) whether each vertex lies on an edge with a single face."""
-        mask = np.zeros(self.vertex_count, bool)
-        mask[self.edges[self.edge_faces.counts == 1]] = True
-        return mask
+        return marked(self.edges[self.edge_faces.counts == 1], self.vertex_count)
 
     @cached_property
     def vertex_neighbors(self) -> Csr:

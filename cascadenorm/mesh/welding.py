@@ -7,7 +7,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cascadenorm.compute.equal_rows import first_equal
-from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, all_in_rows, any_in_rows, connected_components
+from cascadenorm.mesh import Bools, Ints, Ints32, Mesh, all_in_rows, any_in_rows, connected_components, marked
 
 NEIGHBORS = 8
 NEAR = 1e-3  # distance, in median edge lengths, within which boundary vertices nearly coincide
@@ -94,6 +94,5 @@ def _on_boundary_edges(triangles: Ints, candidates: Bools) -> Bools:
     sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     keys = sides[:, 0] * len(candidates) + sides[:, 1]
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
-    on_boundary = np.zeros(len(candidates), bool)
-    on_boundary[sides[first[counts == 1]]] = True
+    on_boundary = marked(sides[first[counts == 1]], len(candidates))
     return on_boundary & candidates

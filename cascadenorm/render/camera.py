@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cascadenorm.mesh import Mesh, box_of, unit
+from cascadenorm.mesh import Mesh, box_of, marked, unit
 
 LEAST_COVERAGE = 0.01
 """Ratio of face area to the square of half the picture's diagonal, below which the camera moves closer."""
@@ -151,8 +151,7 @@ def _points(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.float64]:
     """Return the vertices that the faces reference."""
     used = mesh.topology.used_vertices
     if len(faces) < len(mesh.faces):
-        used = np.zeros(len(mesh.vertices), bool)
-        used[mesh.faces[faces]] = True
+        used = marked(mesh.faces[faces], len(mesh.vertices))
     return mesh.vertices[used]
 
 

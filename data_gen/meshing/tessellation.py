@@ -15,7 +15,7 @@ from cascadenorm.data_gen.meshing.surface import Extent, fit, polygonised
 from cascadenorm.data_gen.shapes.fields import DistanceField
 from cascadenorm.data_gen.shapes.patterns import noise
 from cascadenorm.data_gen.shapes.placement import random_rotation
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, marked, unit
 
 Tessellation = Literal["lattice", "even", "graded", "stretched", "subdivided", "jittered", "decimated"]
 
@@ -75,8 +75,7 @@ def settle(field: DistanceField, half_edges: HalfEdges) -> None:
 
     faces = half_edges.origin[: 3 * half_edges.used[1]].reshape(-1, 3)
     faces = faces[faces[:, 0] >= 0]
-    boundary = np.zeros(n, bool)
-    boundary[half_edges.origin[(half_edges.twin == -1) & (half_edges.origin >= 0)]] = True
+    boundary = marked(half_edges.origin[(half_edges.twin == -1) & (half_edges.origin >= 0)], n)
     held = alive & (half_edges.kind[:n] != SMOOTH) & ~boundary
     face, corner = np.nonzero(held[faces])
     if len(face) == 0:

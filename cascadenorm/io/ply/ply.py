@@ -29,6 +29,7 @@ from cascadenorm.io.ply.table import (
 from cascadenorm.io.text.number_format import replace_words
 from cascadenorm.io.text.text import Text, as_short, edited
 from cascadenorm.io.text.tokenizer import splice
+from cascadenorm.mesh import marked
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, strips
 
@@ -80,8 +81,7 @@ class PlyFile(MeshFile):
             return None
         first, text = element.properties[0], self._text
         begins = np.asarray(found[0].offsets) // WORD - (first.count_kind is not None)
-        begins_line = np.zeros(len(text.starts), bool)
-        begins_line[text.first] = True
+        begins_line = marked(text.first, len(text.starts))
         rows = np.flatnonzero(~begins_line[begins])
         if not len(rows):
             return None
