@@ -158,7 +158,8 @@ def denoise_file(
         Parameters of the method.
     memory
         Memory limit for the process, as bytes or as text like "4GB". If the whole mesh needs more, the method works in
-        patches, and the result agrees to 1e-5 of an edge at nearly all vertices (docs/patches.md). None sets no limit.
+        patches; `auto` and `cascade` then agree to 1e-5 of an edge at nearly all vertices, and other methods write the
+        same bytes (docs/patches.md). None sets no limit.
     scheduler
         Address of a Dask scheduler whose workers process the patches, or "local" for a cluster on this machine.
         `memory` then applies to each worker process.

@@ -155,9 +155,8 @@ class Opened(NamedTuple):
     mesh: Mesh
     controls: Controls  # over the mesh; names that refer to the file are resolved
     dropped: Dropped
-    # weld, drop_components: as given
-    weld: float | str | None = None
-    drop_components: str | int | None = None
+    weld: float | str | None = None  # as given
+    drop_components: str | int | None = None  # as given
 
 
 def opened_file(

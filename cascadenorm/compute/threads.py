@@ -61,23 +61,30 @@ class _BlasLimit:
     """
 
     def __init__(self) -> None:
+        self.renew()
+        if hasattr(os, "register_at_fork"):
+            os.register_at_fork(after_in_child=self.renew)
+
+    def renew(self) -> None:
         self._lock, self._inside = Lock(), 0
 
-    def enter(self) -> None:
+    def enter(self) -> list[ThreadpoolController]:
+        """Limit the libraries that are loaded, and return them."""
         with self._lock:
             if self._inside == 0:
                 self._keeper, self._limits, self._limited = ThreadPoolExecutor(1), ExitStack(), 0
-            self._inside += 1
-            later = _blas_libraries()[self._limited :]  # scipy may have loaded its own meanwhile
-            self._keeper.submit(_limit_libraries, self._limits, later).result()
-            self._limited += len(later)
+            libraries = _blas_libraries()
+            if later := libraries[self._limited :]:  # scipy may have loaded its own meanwhile
+                self._keeper.submit(_limit_libraries, self._limits, later).result()
+            self._inside, self._limited = self._inside + 1, len(libraries)
+            return libraries
 
     def leave(self) -> None:
         with self._lock:
-            self._inside -= 1
-            if self._inside == 0:
+            if self._inside == 1:
                 self._keeper.submit(self._limits.close).result()
                 self._keeper.shutdown()
+            self._inside = max(self._inside - 1, 0)  # a process that was forked inside leaves a block of its parent
 
 
 _blas_limit = _BlasLimit()
@@ -87,13 +94,13 @@ _blas_limit = _BlasLimit()
 def one_blas_thread(*_scipy_modules: ModuleType) -> Iterator[None]:
     """Limit BLAS to one thread inside the block, since its order of summation depends on the threads.
 
-    Blocks in different threads may overlap. Pass the modules of scipy that solve equations in the block: scipy loads
-    them, and a BLAS of its own, only when they are used, and what is loaded inside the block has no limit.
+    Blocks in different threads may overlap. Pass the scipy modules that the block uses: scipy loads them, and its own
+    BLAS, on first use, and a BLAS that is loaded inside the block is not limited.
     """
-    _blas_limit.enter()
+    libraries = _blas_limit.enter()
     try:
         with ExitStack() as limits:
-            _limit_libraries(limits, _blas_libraries())  # those with a limit per thread
+            _limit_libraries(limits, libraries)  # for those with a limit per thread
             yield
     finally:
         _blas_limit.leave()

@@ -226,7 +226,9 @@ def check_stream(target: Source) -> None:
     if isinstance(target, TextIOBase):
         raise OutputError(f'{stream_name(target)} is a text stream: open the file in binary mode, "wb"')
     if not hasattr(target, "write"):
-        raise OutputError(f"target is of type {type(target).__name__}, which is neither a path nor a stream of bytes")
+        raise OutputError(
+            f"the output is of type {type(target).__name__}, which is neither a path nor a stream of bytes"
+        )
     if getattr(target, "closed", False):
         raise OutputError(f"{stream_name(target)} cannot be written: it is closed")
     if hasattr(target, "writable") and not target.writable():

@@ -54,7 +54,7 @@ class Polygons(NamedTuple):
         return Polygons(indptr - indptr[0], self.corners[indptr[0] : indptr[-1]])
 
     def by_count(self) -> Iterator[tuple[Ints, Ints]]:
-        """Yield those with each number of corners, ascending: their indices, and the corners of one per row."""
+        """Yield the polygons by number of corners, ascending: their indices, (k,), and their corners, (k, count)."""
         counts = self.counts
         for count in np.unique(counts).tolist():
             chosen = np.flatnonzero(counts == count)
@@ -75,7 +75,7 @@ class Polygons(NamedTuple):
         return np.asarray((self.corners < 0) | (self.corners >= count))
 
     def moved_to(self, first: int, count: int) -> "Polygons":
-        """Return the polygons with corners 0 … count - 1 as rows from `first` on, and other corners as -1."""
+        """Return the polygons with `first` added to their corners; corners outside 0 … count - 1 become -1."""
         return Polygons(self.indptr, np.where(self.out_of_range(count), -1, self.corners + first))
 
 

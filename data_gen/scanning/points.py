@@ -13,7 +13,7 @@ from cascadenorm.data_gen.scanning.measured import Measured, beneath
 from cascadenorm.data_gen.scanning.volumes import volume_surface
 from cascadenorm.data_gen.shapes.fields import DistanceField, Values
 from cascadenorm.data_gen.shapes.placement import random_direction
-from cascadenorm.mesh import Mesh, Vectors, unit
+from cascadenorm.mesh import Mesh, Vectors, one_blas_thread, unit
 
 CELLS = 2.3  # faces of marching cubes per area of a cell's side
 MARGIN_CELLS = 6  # cells around the shape
@@ -120,5 +120,6 @@ def poisson(
         return inverse(transformed(values) / (squares + STIFFNESS))
 
     system, conditioner = (LinearOperator((right.size,) * 2, apply, dtype=float) for apply in (applied, conditioned))
-    solution, _ = cg(system, right, rtol=0, maxiter=SOLVER_ROUNDS, M=conditioner)
+    with one_blas_thread():
+        solution, _ = cg(system, right, rtol=0, maxiter=SOLVER_ROUNDS, M=conditioner)
     return np.asarray(0.5 + (solution - np.median(interpolation @ solution)).reshape(shape))

@@ -98,9 +98,9 @@ def test_sources_that_are_neither_a_path_nor_a_stream_are_refused_as_such(source
     [
         (closed(io.BytesIO()), "the stream cannot be written: it is closed"),
         (io.StringIO(), 'the stream is a text stream: open the file in binary mode, "wb"'),
-        (cn.read(io.BytesIO(PLY_TEXT)), "target is of type PlyFile, which is neither a path nor a stream of bytes"),
+        (cn.read(io.BytesIO(PLY_TEXT)), "the output is of type PlyFile, which is neither a path nor a stream of bytes"),
         (Unwritable(), 'the stream cannot be written: open the file in binary mode, "wb"'),
-        (b"a.ply", "target is of type bytes, which is neither a path nor a stream of bytes"),
+        (b"a.ply", "the output is of type bytes, which is neither a path nor a stream of bytes"),
     ],
     ids=["closed", "text", "mesh", "for reading", "bytes"],
 )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import studio_pages
 from browsers import needs_browser, webdriver
+from report_pages import same_pixels
 from selenium.webdriver.common.keys import Keys
 from shapes import grid, noisy
 from studio_pages import ROUGH
@@ -263,10 +264,13 @@ def test_work_is_cancelled_and_started_again_by_the_same_key(page, named):
     page.until(lambda: page.js("return window.ticket"), "a request")
     button = next(one for one in page.driver.find_elements("css selector", "button") if one.text == "Cancel")
     button.send_keys(Keys.ENTER)
-    for event in ("{type: 'progress', fraction: 0.5, left: 9}", "{type: 'shown', coarse: true, scene: 0}"):
-        assert page.one(".said").text == "Cancelling…"  # what comes meanwhile does not hide it
+    assert page.one(".said").text == "Cancelling…"
+    scene = page.js("return performance.getEntriesByType('resource').map(e => e.name).find(e => e.includes('scene/'))")
+    coarse = f"{{type: 'shown', coarse: true, scene: {scene.rpartition('/')[2]}}}"
+    for event, value in (("{type: 'progress', fraction: 0.5, left: 9}", 0.5), (coarse, 0)):
         page.js(f"tell({{ticket: window.ticket, ...{event}}})")
-        page.settle()
+        page.until(lambda value=value: page.js("return document.querySelector('progress').value") == value, "the event")
+        assert page.one(".said").text == "Cancelling…"  # what comes meanwhile does not hide it
     page.js("tell({type: 'cancelled', ticket: window.ticket}); window.held = []; window.resume()")
     page.settle()
     assert page.js("return document.activeElement.textContent") == "Denoise"
@@ -278,15 +282,19 @@ def test_work_is_cancelled_and_started_again_by_the_same_key(page, named):
 @needs_browser
 def test_the_panel_stays_as_it_is_when_a_result_comes(page, named):
     page.at(named).wait()
-    page.fill(".panel section:nth-of-type(2) select", "displacement")
+    page.js("location.hash = 'color=displacement&limits=0,0.2'")
+    page.settle()
+    heights = "return [...document.querySelectorAll('.bars .bar')].map(bar => bar.getAttribute('height'))"
+    before = page.js(heights)
     page.one(".panel summary").click()
-    page.js("document.querySelector('.panel').scrollTop = 120; document.querySelector('.panel summary').focus()")
+    page.one("[aria-label='Upper limit of the colours']").send_keys("5")
+    page.js("document.querySelector('.panel').scrollTop = 120")
     page.fill(".strength input[type=range]", "0.5")
     page.begun()
     kept = "const p = document.querySelector('.panel'); return [p.scrollTop, p.querySelector('details').open]"
     assert page.js(kept) == [120, True]
-    assert page.js("return document.activeElement.tagName") == "SUMMARY"
-    assert page.js("return document.querySelector('.panel .histogram h3').innerText").startswith("Displacement")
+    assert page.js("return document.activeElement.value") == "0.25"  # still being typed
+    assert page.js(heights) != before
 
 
 @needs_browser
@@ -299,10 +307,14 @@ def test_a_page_that_is_loaded_again_and_another_mesh_are_shown_in_the_same_mode
     page.driver.refresh()
     page.wait()
     assert [name.text for name in page.driver.find_elements("css selector", ".names span")] == shown
-    save_mesh(tmp_path / "other.ply", ROUGH)
-    page.drop(tmp_path / "other.ply", replacing=True)
+    save_mesh(tmp_path / "wide.ply", cn.Mesh(ROUGH.vertices * [3, 1, 1], ROUGH.faces))
+    page.drop(tmp_path / "wide.ply", replacing=True)
     page.begun()
     assert [name.text for name in page.driver.find_elements("css selector", ".names span")] == shown
+    picture = page.canvas()
+    for pane in np.split(picture[45:-10, : picture.shape[1] // 2 * 2], len(shown), axis=1):  # each shows it whole
+        drawn = ~same_pixels(pane, pane[-1, 12])
+        assert drawn.any() and not drawn[:, [10, -10]].any()
 
 
 @needs_browser

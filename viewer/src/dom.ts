@@ -41,7 +41,7 @@ export function choice<T extends string>(
   return { element, update };
 }
 
-// One of the values that there are now.
+// A drop-down list, whose options are read at each update.
 export function selection(
   label: string,
   options: () => readonly (readonly [string, string])[],
@@ -58,6 +58,15 @@ export function selection(
     select.value = chosen();
   };
   return { element, update };
+}
+
+// A number. What is shown does not replace a number that is being typed.
+export function numberInput(label: string, changed: () => void): { element: HTMLInputElement; show: (text: string) => void } {
+  let typing = false;
+  const end = () => (typing = false);
+  const element = make("input", { type: "number", step: "any", "aria-label": label, input: () => (typing = true), blur: end });
+  element.addEventListener("change", () => (end(), changed()));
+  return { element, show: (text) => void (typing || (element.value = text)) };
 }
 
 export function checkbox(

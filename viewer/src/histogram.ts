@@ -1,7 +1,7 @@
 // A histogram of a field, with logarithmic counts, above the bar of its colours; dragging selects a range.
 
 import { colorMap, STEPS } from "./colors";
-import { checkbox, make, makeSvg, short, withUnit } from "./dom";
+import { checkbox, make, makeSvg, numberInput, short, withUnit } from "./dom";
 import { Field } from "./model";
 
 const BARS = 48;
@@ -19,8 +19,8 @@ export class Histogram {
   private readonly drawing = makeSvg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT + BAR + 4}`, class: "bars", role: "img", "aria-label": "Histogram" });
   private readonly ticks = make("div", { class: "ticks" });
   private readonly caption = make("p", { class: "note" });
-  private readonly lower: HTMLInputElement;
-  private readonly upper: HTMLInputElement;
+  private readonly lower: ReturnType<typeof numberInput>;
+  private readonly upper: ReturnType<typeof numberInput>;
   private readonly clear: HTMLButtonElement;
   private readonly log = checkbox("Log scale of counts", () => this.logarithmic, (on) => {
     this.logarithmic = on;
@@ -30,15 +30,16 @@ export class Histogram {
   private redraw = () => {};
   private field: Field | null = null;
   private limits: [number, number] = [0, 1];
+  private counted = new WeakMap<Float32Array, { limits: [number, number]; counts: number[] }>();
 
   constructor(private readonly pick: (range: [number, number] | null) => void) {
     const typed = () => {
-      const [low, high] = [this.lower, this.upper].map((input) => (input.value === "" ? NaN : Number(input.value)));
+      const [low, high] = [this.lower, this.upper].map(({ element }) => (element.value === "" ? NaN : Number(element.value)));
       if (Number.isNaN(low) && Number.isNaN(high)) this.pick(null);
       else this.pick([Number.isNaN(low) ? -Infinity : low, Number.isNaN(high) ? Infinity : high]);
     };
-    this.lower = make("input", { type: "number", step: "any", "aria-label": "Highlight values from", change: typed });
-    this.upper = make("input", { type: "number", step: "any", "aria-label": "Highlight values to", change: typed });
+    this.lower = numberInput("Highlight values from", typed);
+    this.upper = numberInput("Highlight values to", typed);
     this.clear = make("button", { type: "button", click: () => this.pick(null) }, "Clear");
     this.element = make(
       "div",
@@ -48,7 +49,7 @@ export class Histogram {
       this.ticks,
       this.caption,
       this.log.element,
-      make("div", { class: "range" }, make("span", {}, "Highlight"), this.lower, "to", this.upper, this.clear),
+      make("div", { class: "range" }, make("span", {}, "Highlight"), this.lower.element, "to", this.upper.element, this.clear),
     );
     this.drawing.addEventListener("pointerdown", (event) => this.drag(event as PointerEvent));
   }
@@ -56,10 +57,24 @@ export class Histogram {
   show(field: Field, series: Series[], limits: [number, number], range: [number, number] | null): void {
     this.field = field;
     this.limits = limits;
-    const counts = series.map(({ values }) => this.count(values));
+    const counts = series.map(({ values }) => this.countsOf(values));
     this.redraw = () => this.draw(series, counts, range);
     this.log.update();
     this.redraw();
+  }
+
+  // Count anew: the values have changed in place.
+  forget(): void {
+    this.counted = new WeakMap();
+  }
+
+  // A million values take too long to be counted at each movement of a pointer.
+  private countsOf(values: Float32Array): number[] {
+    const known = this.counted.get(values);
+    if (known && String(known.limits) === String(this.limits)) return known.counts;
+    const counts = this.count(values);
+    this.counted.set(values, { limits: this.limits, counts });
+    return counts;
   }
 
   // Values beyond the limits count in the outermost bars.
@@ -110,8 +125,8 @@ export class Histogram {
       last > 0 ? `${series[last].label} filled, ${series[0].label.toLowerCase()} outlined. ` : "",
       "Drag to highlight a range.",
     ].join("");
-    this.lower.value = range && Number.isFinite(range[0]) ? short(range[0]) : "";
-    this.upper.value = range && Number.isFinite(range[1]) ? short(range[1]) : "";
+    this.lower.show(range && Number.isFinite(range[0]) ? short(range[0]) : "");
+    this.upper.show(range && Number.isFinite(range[1]) ? short(range[1]) : "");
     this.clear.disabled = range === null;
   }
 

@@ -1,6 +1,6 @@
 // The controls beside the canvas; each shows the state and changes it.
 
-import { checkbox, choice, make, selection, short, withUnit } from "./dom";
+import { checkbox, choice, make, numberInput, selection, short, withUnit } from "./dom";
 import { Histogram } from "./histogram";
 import { Model, valueAt } from "./model";
 import { Stage } from "./stage";
@@ -41,7 +41,7 @@ export class Panel {
     this.element.append(this.compared(), this.painted(), this.lit(), this.picked(), this.links(), keys());
   }
 
-  // Show another model with the same elements: they keep the focus, and the panel its place.
+  // Show another model with the same elements, so that the focus and the scroll position stay.
   show(model: Model): void {
     this.model = model;
     this.copied.replaceChildren();
@@ -53,6 +53,12 @@ export class Panel {
 
   update(): void {
     for (const update of this.updates) update();
+  }
+
+  // The values of a field have changed.
+  repaint(): void {
+    this.histogram.forget();
+    this.update();
   }
 
   private add(control: { element: HTMLElement; update: () => void }): HTMLElement {
@@ -88,15 +94,12 @@ export class Panel {
     const color = this.add(
       selection("Colour", options, () => this.state.color, (color) => this.change({ color, limits: null, range: null })),
     );
-    const ends = [0, 1].map((end) =>
-      make("input", { type: "number", step: "any", "aria-label": end ? "Upper limit of the colours" : "Lower limit of the colours" }),
-    );
     const typed = () => {
-      const [low, high] = ends.map((input) => Number(input.value));
+      const [low, high] = ends.map(({ element }) => Number(element.value));
       this.change({ limits: Number.isFinite(low) && low < high ? [low, high] : null, range: null });
     };
-    for (const input of ends) input.addEventListener("change", typed);
-    const scale = make("div", { class: "range" }, make("span", {}, "Limits"), ends[0], "to", ends[1]);
+    const ends = ["Lower limit of the colours", "Upper limit of the colours"].map((label) => numberInput(label, typed));
+    const scale = make("div", { class: "range" }, make("span", {}, "Limits"), ends[0].element, "to", ends[1].element);
     const reset = make("button", { type: "button", click: () => this.change({ limits: null }) }, "Reset");
     scale.append(reset);
     this.updates.push(() => {
@@ -111,7 +114,7 @@ export class Panel {
       const apart = series.filter(({ values }, i) => series.findIndex((one) => one.values === values) === i);
       this.histogram.element.hidden = apart.length === 0;
       if (apart.length) this.histogram.show(field, apart, this.stage.limits, this.state.range);
-      ends.forEach((input, end) => (input.value = short(this.stage.limits[end])));
+      ends.forEach(({ show }, end) => show(short(this.stage.limits[end])));
       reset.disabled = this.state.limits === null;
     });
     return make("section", {}, color, this.histogram.element, scale);
@@ -155,7 +158,7 @@ export class Panel {
   // Say what is known of a face.
   describe(picked: { name: string; face: number } | null): void {
     if (!picked) {
-      if (!this.hint.isConnected) this.figures.replaceChildren(this.hint); // readers say what changes here
+      if (!this.hint.isConnected) this.figures.replaceChildren(this.hint); // screen readers announce every change here
       return;
     }
     const surface = this.model.surfaces.find(({ name }) => name === picked.name)!;

@@ -60,10 +60,11 @@ export class Viewer {
     if (faces(model) !== faces(this.model)) this.picked = null;
     this.model = model;
     this.place = null;
+    const { state, atHome, mode } = this.stage;
     this.stage.show(model, samePlace);
-    const { state } = this.stage;
     if (before !== model.surfaces.map(({ name }) => name).join()) Object.assign(state, sides(model, state.mode));
     if (!this.stage.field && state.color !== "vertex") Object.assign(state, { color: "", limits: null, range: null });
+    if (atHome && this.stage.mode !== mode) this.stage.look(this.stage.home()); // it stays whole in other panes
     this.panel.show(model);
     this.stage.mark(this.picked);
     this.panel.describe(this.picked);
@@ -74,7 +75,7 @@ export class Viewer {
   // The values of a field have changed.
   repaint(field: Field): void {
     this.stage.repaint(field);
-    this.panel.update();
+    this.panel.repaint();
   }
 
   change(change: Partial<State>): void {

@@ -34,7 +34,7 @@ from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.libraries import explained
 from cascadenorm.io.shown import joined
 from cascadenorm.io.sidecar_files import relative_name
-from cascadenorm.mesh import Bools, all_in_rows, any_in_rows, box_of
+from cascadenorm.mesh import Bools, all_in_rows, any_in_rows, box_of, marked
 from cascadenorm.mesh.normals import Normals
 from cascadenorm.mesh.polygons import Polygons, fans, strips
 
@@ -364,8 +364,8 @@ class GltfFile(MeshFile):
 
     def _at_kept_vertices(self, triangles: Bools) -> "GltfFile":
         """Return this file with the vertices of some triangles at the position of another vertex of their mesh."""
-        corners, gone = self.polygons.corners.reshape(-1, 3), np.zeros(len(self.positions), bool)
-        gone[corners[triangles]] = True
+        corners = self.polygons.corners.reshape(-1, 3)
+        gone = marked(corners[triangles], len(self.positions))
         gone[corners[~triangles]] = False
         parts = np.zeros(len(gone), np.int64) if self.parts is None else self.parts
         kept = corners[~triangles].ravel()[::-1]

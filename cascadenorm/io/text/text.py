@@ -90,11 +90,11 @@ class Text:
             )
 
     def numbers(self, words: Offsets, *, lax: bool = False) -> NDArray[np.float64]:
-        """Parse words as numbers. Words that are none give nan if `lax`, otherwise ReadError is raised."""
+        """Parse words as numbers. Other words become nan if `lax`; otherwise the first raises ReadError."""
         return self.numbers_at(self.starts[words], self.ends[words], lax=lax)
 
     def numbers_at(self, starts: Offsets, ends: Offsets, *, lax: bool = False) -> NDArray[np.float64]:
-        """Parse numbers at byte offsets. Other words give nan if `lax`, otherwise ReadError is raised."""
+        """Parse numbers at byte offsets. Other words become nan if `lax`; otherwise the first raises ReadError."""
         values, simple = np.empty(starts.size), np.empty(starts.size, bool)
         starts, ends, shape = starts.ravel(), ends.ravel(), starts.shape
         parallel_for(len(values), decimals, self.bytes, starts, ends, values, simple)

@@ -17,13 +17,13 @@ export class Status {
   private readonly cancel: HTMLButtonElement;
   private readonly again: HTMLButtonElement;
   private what = "";
-  private ending = false; // work was cancelled, and may go on for seconds
-  private cancelling = false; // work that was cancelled can be started again
+  private cancelling = false; // work was cancelled, and may go on for seconds
+  private restartable = false; // it was cancelled, and can be started again
   private readonly opening = make("p", { class: "said", role: "status" });
 
   constructor(cancel: () => void, again: () => void) {
     const end = () => {
-      this.ending = true;
+      this.cancelling = true;
       this.said.textContent = "Cancelling…";
       cancel();
     };
@@ -38,7 +38,7 @@ export class Status {
     this.what = "Denoising";
     this.found.replaceChildren();
     const focused = this.again === document.activeElement;
-    this.ending = false;
+    this.cancelling = false;
     this.say("Denoising…");
     this.bar.value = 0;
     this.work.hidden = false;
@@ -48,13 +48,13 @@ export class Status {
   // A coarse mesh is shown, and the whole one is on its way.
   coarse(): void {
     this.what = "This is a coarse preview. Denoising the whole mesh";
-    if (!this.ending) this.said.textContent = `${this.what}…`;
+    if (!this.cancelling) this.said.textContent = `${this.what}…`;
     this.bar.value = 0;
   }
 
   progress(fraction: number, left: number | null): void {
     this.bar.value = fraction;
-    if (this.ending) return;
+    if (this.cancelling) return;
     this.said.textContent = left === null || left < SOON ? `${this.what}…` : `${this.what}: about ${duration(left)} left.`;
   }
 
@@ -78,12 +78,12 @@ export class Status {
   async open(text: string, work: () => Promise<unknown>): Promise<void> {
     this.failed.hidden = true;
     this.opening.textContent = text;
-    this.offer(this.cancelling);
+    this.offer(this.restartable);
     try {
       await work();
     } finally {
       if (this.opening.textContent === text) this.opening.textContent = "";
-      this.offer(this.cancelling);
+      this.offer(this.restartable);
     }
   }
 
@@ -91,9 +91,9 @@ export class Status {
     return this.opening.textContent !== "";
   }
 
-  private offer(cancelling: boolean): void {
-    this.cancelling = cancelling;
-    this.again.hidden = !cancelling || this.opens;
+  private offer(restartable: boolean): void {
+    this.restartable = restartable;
+    this.again.hidden = !restartable || this.opens;
   }
 
   say(text: string): void {
@@ -103,9 +103,9 @@ export class Status {
   }
 
   fail(text: string): void {
-    const { cancelling } = this;
+    const { restartable } = this;
     this.say("");
-    this.offer(cancelling);
+    this.offer(restartable);
     this.failed.hidden = false;
     this.failed.textContent = text;
   }
