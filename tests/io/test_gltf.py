@@ -55,6 +55,7 @@ def test_extras_of_any_kind_stay():
         (('"meshes": [', '"meshes": 5, "x": ['), "'meshes' in the glTF document is not a list"),
         (('"asset"', '"extensionsRequired": ["KHR_draco_mesh_compression"], "asset"'), "compressed"),
         (('"version" : "2.0"', '"version" : "1.0"'), "this glTF file has version 1.0; only version 2"),
+        (('"version" : "2.0"', '"version": "3.0"'), "has version 3.0; only version 2 is supported"),
         (('"version" : "2.0"', '"version": "2.1", "minVersion": "2.1"'), "needs version 2.1; only version 2.0 is"),
         (('"asset"', '"extensionsUsed": ["EXT_meshopt_compression"], "asset"'), "compressed"),
     ],

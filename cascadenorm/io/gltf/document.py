@@ -36,7 +36,7 @@ def check_lists(document: dict[str, Any]) -> None:
     asset = document.get("asset")
     given = asset if isinstance(asset, dict) else {}
     version, needed = (str(given.get(name) or "2.0") for name in ("version", "minVersion"))
-    if version.startswith("1"):  # its entries are objects by name
+    if not version.startswith("2"):  # in version 1, entries are objects by name
         raise ReadError(f"this glTF file has version {version}; only version 2 is supported: export it again")
     if needed > "2.0":
         raise ReadError(f"this glTF file needs version {needed}; only version 2.0 is supported: export it again")
