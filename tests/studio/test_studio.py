@@ -1,6 +1,5 @@
 """The studio's server, asked as a page asks it."""
 
-import asyncio
 import io
 import json
 import os
@@ -9,23 +8,18 @@ import signal
 import socket
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.parse import unquote
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
 from shapes import icosphere, noisy
-from starlette.requests import ClientDisconnect
 from studios import Studio, until
 
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.registry.controls import CONTROLS
-from cascadenorm.studio import server
-from cascadenorm.studio.session import Session
-from cascadenorm.studio.uploads import TooLarge, Uploads
 
 ROUGH = noisy(icosphere(3), 0.2)
 LAPLACIAN = {"method": "laplacian", "parameters": {"iterations": "2"}, "controls": {"strength": "0.5"}}
@@ -461,12 +455,6 @@ def test_a_file_that_is_no_mesh_is_refused_in_the_words_of_denoise(tmp_path, cap
     assert capsys.readouterr().err == told
 
 
-def test_the_size_of_files_may_be_unlimited(monkeypatch):
-    given = {}
-    monkeypatch.setattr(server, "serve", lambda _, **settings: given.update(settings))
-    assert run(["studio", "--max-size", "inf"]) == 0 and given["most"] == np.inf
-
-
 def test_what_cannot_be_served_is_said_on_the_command_line(tmp_path, capsys):
     scanned(tmp_path / "scan.ply")
     assert run(["studio", "--no-browser", str(tmp_path / "none.ply")]) == 3
@@ -481,51 +469,6 @@ def test_what_cannot_be_served_is_said_on_the_command_line(tmp_path, capsys):
         port = str(taken.getsockname()[1])
         assert run(["studio", "--no-browser", "--port", port]) == 5
     assert f"port {port} cannot be used" in capsys.readouterr().err
-
-
-# when it ends
-
-
-def ends_after(monkeypatch, *events):
-    """Seconds after which a studio ends, whose page does something at some seconds; the clock is one of the test."""
-    passed, left, pages = 0.0, list(events), []
-    session, stopped = Session(), SimpleNamespace(should_exit=False)
-
-    async def sleep(seconds):
-        nonlocal passed
-        passed += seconds
-        assert passed < 10_000, "it never ends"
-        while left and left[0][0] <= passed:
-            session.requests += 1
-            match left.pop(0)[1]:
-                case "listens":
-                    pages.append(session.page())
-                    await pages[-1].__aenter__()
-                case "leaves":
-                    session.leave()
-                    await pages.pop().__aexit__(None, None, None)
-                case "is lost":
-                    await pages.pop().__aexit__(None, None, None)
-
-    monkeypatch.setattr(server.asyncio, "sleep", sleep)
-    asyncio.run(server._end_without_pages(session, stopped))
-    assert stopped.should_exit and not left
-    return passed
-
-
-@pytest.mark.parametrize(
-    ("events", "seconds"),
-    [
-        ([(1, "loads")], 1 + server.LOADING_S),  # closed before it listened
-        ([(1, "loads"), (50, "listens"), (55, "leaves")], 55 + server.RELOADING_S),
-        ([(1, "listens"), (5, "leaves"), (7, "listens"), (9, "leaves")], 9 + server.RELOADING_S),
-        ([(1, "listens"), (5, "is lost")], 5 + server.AWAITING_S),
-        ([(1, "listens"), (5, "is lost"), (3000, "listens"), (3010, "leaves")], 3010 + server.RELOADING_S),
-    ],
-    ids=["closed while it starts", "closed", "loaded again", "discarded", "discarded and loaded again"],
-)
-def test_the_studio_ends_when_its_page_is_closed_and_waits_for_one_that_is_discarded(monkeypatch, events, seconds):
-    assert ends_after(monkeypatch, *events) == pytest.approx(seconds, abs=2.5 * server.CHECKING_S)
 
 
 def test_a_tab_that_was_discarded_finds_its_paint_again(studio):
@@ -546,45 +489,6 @@ def test_pages_are_told_which_of_them_has_changed_the_paint(studio):
             codes[:] = np.arange(len(codes)) < pinned
             studio.done(f"/api/paint?page={page}", codes.tobytes())
         assert [until(events, type="painted")["page"] for _ in range(2)] == ["first", "second"]
-
-
-# uploads
-
-
-async def arriving(*parts):
-    for part in parts:
-        yield part
-
-
-def test_what_is_dropped_counts_together_until_a_mesh_of_it_is_open(tmp_path):
-    uploads = Uploads(tmp_path, most=100)
-
-    def take(drop, name, size):
-        asyncio.run(uploads.take(drop, name, arriving(bytes(size)), announced=0))
-
-    take(1, "a.ply", 60)
-    with pytest.raises(TooLarge):  # of another drop, which alone would fit
-        take(2, "b.ply", 60)
-    uploads.opened(1)
-    take(3, "c.ply", 90)  # takes the place of the one that is open
-    with pytest.raises(TooLarge):
-        take(4, "d.ply", 20)
-    uploads.refused(3)
-    take(5, "e.ply", 90)
-    take(6, "f.ply", 10)  # from another page
-    uploads.opened(5)
-    assert sorted(path.name for path in tmp_path.rglob("*.ply")) == ["e.ply", "f.ply"]
-
-
-def test_nothing_is_kept_of_a_file_whose_page_was_closed_while_it_was_sent(tmp_path):
-    async def interrupted():
-        yield bytes(60)
-        raise ClientDisconnect
-
-    uploads = Uploads(tmp_path, most=100)
-    with pytest.raises(ClientDisconnect):
-        asyncio.run(uploads.take(1, "a.ply", interrupted(), announced=90))
-    asyncio.run(uploads.take(2, "b.ply", arriving(bytes(90)), announced=90))
 
 
 @pytest.mark.parametrize("place", ["name", "settings"])
