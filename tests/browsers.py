@@ -4,6 +4,7 @@ import io
 import shlex
 import shutil
 from base64 import b64decode
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -65,10 +66,22 @@ class Browser:
     def one(self, selector: str):
         return self.driver.find_element("css selector", selector)
 
-    def press_button(self, text: str) -> None:
+    def button(self, text: str):
         buttons = self.driver.find_elements("css selector", "button")
-        next(button for button in buttons if button.text == text and button.is_displayed()).click()
+        return next(button for button in buttons if button.text == text and button.is_displayed())
+
+    def press_button(self, text: str) -> None:
+        self.button(text).click()
         self.settle()
+
+    @contextmanager
+    def starting_with(self, script: str):
+        """Run a script before those of each page that is opened in the block."""
+        added = self.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": script})
+        try:
+            yield
+        finally:
+            self.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
 
     def copied_view(self) -> list[str]:
         """Copy the view as a command line, and return its words."""

@@ -66,14 +66,11 @@ def test_the_page_asks_for_no_mesh_while_it_opens_the_given_file(page, named):
       if (zone && !zone.hidden) window.zoneWasShown = true;
     }).observe(document, {subtree: true, childList: true, attributes: true});
     """
-    added = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": watching})
-    try:
+    with page.starting_with(watching):
         page.at(named).wait()
         assert page.js("return window.zoneWasShown") is None
         page.at(named).wait()  # the file is open already
         assert page.js("return window.zoneWasShown") is None
-    finally:
-        page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
 
 
 @needs_browser
@@ -220,11 +217,8 @@ window.fetch = async (path, options) => {
 
 @needs_browser
 def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_opened(page, named, tmp_path):
-    added = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": HOLDING})
-    try:
+    with page.starting_with(HOLDING):
         page.at(named)
-    finally:
-        page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
 
     def cancelled():
         page.until(lambda: page.js("return window.ticket"), "a request")
@@ -256,14 +250,10 @@ def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_
 
 @needs_browser
 def test_work_is_cancelled_and_started_again_by_the_same_key(page, named):
-    added = page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": HOLDING})
-    try:
+    with page.starting_with(HOLDING):
         page.at(named)
-    finally:
-        page.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", added)
     page.until(lambda: page.js("return window.ticket"), "a request")
-    button = next(one for one in page.driver.find_elements("css selector", "button") if one.text == "Cancel")
-    button.send_keys(Keys.ENTER)
+    page.button("Cancel").send_keys(Keys.ENTER)
     assert page.one(".said").text == "Cancelling…"
     scene = page.js("return performance.getEntriesByType('resource').map(e => e.name).find(e => e.includes('scene/'))")
     coarse = f"{{type: 'shown', coarse: true, scene: {scene.rpartition('/')[2]}}}"
