@@ -105,8 +105,8 @@ class ChosenNetworks(NamedTuple):
 def _denoised(network: Cascade, strong: Cascade | None, mesh: Mesh, impulsive: Bools) -> Vectors:
     """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
 
-    Outliers count as evidence. The later stages skip components without evidence. On components that the first stage
-    turns by STRONG_NOISE or more, they are those of the network for strong noise, if there is one.
+    Outliers count as evidence. The later stages skip components without evidence. If there is a network for strong
+    noise, its stages replace them on components that the first stage turns by STRONG_NOISE or more.
     """
     topology = mesh.topology
     normals = stage_normals(network.stages[0], mesh, mesh)

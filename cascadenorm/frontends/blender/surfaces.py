@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cascadenorm.errors import MeshError, ParameterError
+from cascadenorm.mesh import marked
 from cascadenorm.mesh.normals import Normals, renewed_normals
 
 RESULT = "Denoised"  # name of the shape key that holds a result
@@ -70,14 +71,13 @@ def creases_of(object: Any, settings: Any) -> float | NDArray[np.int32] | None:
         return None
     if settings.creases == "ANGLE":
         return float(str(np.float32(np.degrees(settings.crease_angle))))
-    marked = np.zeros(len(mesh.edges), bool)
+    creases = np.zeros(len(mesh.edges), bool)
     if "SHARP" in settings.creases:
-        marked |= _array(mesh.edges, "use_edge_sharp", bool)
+        creases |= _array(mesh.edges, "use_edge_sharp", bool)
     if "SEAM" in settings.creases:
-        marked |= _array(mesh.edges, "use_seam", bool)
-    of_faces = np.zeros(len(mesh.edges), bool)
-    of_faces[_array(mesh.loops, "edge_index", np.int32)] = True
-    return _array(mesh.edges, "vertices", np.int32, 2)[marked & of_faces]
+        creases |= _array(mesh.edges, "use_seam", bool)
+    of_faces = marked(_array(mesh.loops, "edge_index", np.int32), len(mesh.edges))
+    return _array(mesh.edges, "vertices", np.int32, 2)[creases & of_faces]
 
 
 def write_positions(object: Any, positions: NDArray[np.float32]) -> None:
