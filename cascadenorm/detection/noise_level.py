@@ -5,6 +5,7 @@ from statistics import NormalDist
 import numpy as np
 
 from cascadenorm.mesh import (
+    Bools,
     Csr,
     Floats,
     Index,
@@ -48,13 +49,23 @@ def noise_level(mesh: Mesh) -> float | None:
     correlated between adjacent vertices, as in a smoothed scan, is not detected. The estimate is None if there are too
     few edges away from the boundary.
     """
+    deviation = _deviation_along(mesh, _inner_edges(mesh))
+    return None if np.isnan(deviation) else deviation / mesh.mean_edge_length
+
+
+def component_noise(mesh: Mesh, wanted: Bools) -> Floats:
+    """Estimate the noise of the wanted components, a mask (c,), each by itself: (c,), as lengths.
+
+    The estimate is that of `noise_level`; NaN for other components and for those with too few edges.
+    """
     edges = _inner_edges(mesh)
-    if len(edges) < FEWEST_EDGES:
-        return None
-    edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
-    differences = _differences_along(mesh, edges)
-    known = differences[np.isfinite(differences)]
-    return _clipped_deviation(known) / mesh.mean_edge_length if len(known) >= FEWEST_EDGES else None
+    components = mesh.topology.components[edges[:, 0]]
+    edges = edges[np.argsort(components, kind="stable")]
+    ends = np.cumsum(np.bincount(components, minlength=len(wanted)))
+    deviations = np.full(len(wanted), np.nan)
+    for c in np.flatnonzero(wanted):
+        deviations[c] = _deviation_along(mesh, edges[ends[c - 1] if c else 0 : ends[c]])
+    return deviations
 
 
 def local_noise(mesh: Mesh) -> Floats:
@@ -72,6 +83,16 @@ def local_noise(mesh: Mesh) -> Floats:
     total, number = (averaged(values, mesh.topology.vertex_neighbors, 1) for values in (total, number))
     variance = np.divide(total, number, out=np.full(count, np.nan), where=number > 0)
     return np.asarray(np.sqrt(variance) / mesh.mean_edge_length)
+
+
+def _deviation_along(mesh: Mesh, edges: Ints32) -> float:
+    """Return the standard deviation of the noise, as a length, along some of the edges; NaN if there are too few."""
+    if len(edges) < FEWEST_EDGES:
+        return np.nan
+    edges = edges[np.linspace(0, len(edges) - 1, min(SAMPLES, len(edges))).astype(np.int64)]
+    differences = _differences_along(mesh, edges)
+    known = differences[np.isfinite(differences)]
+    return _clipped_deviation(known) if len(known) >= FEWEST_EDGES else np.nan
 
 
 def _differences_along(mesh: Mesh, edges: Ints32) -> Floats:
@@ -96,7 +117,9 @@ def _clipped_deviation(differences: Floats) -> float:
     deviation = float(np.quantile(sizes, START) / _NORMAL.inv_cdf(0.5 + START / 2))
     for _ in range(CLIPPING_ROUNDS):
         within = sizes[sizes <= CLIP * deviation]
-        deviation = float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0
+        before, deviation = deviation, float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0
+        if deviation == before:
+            break
     return deviation
 
 

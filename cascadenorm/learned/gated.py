@@ -98,20 +98,23 @@ class ChosenNetworks(NamedTuple):
         """Return the denoised vertices, (n, 3), of a mesh with these components."""
         measured = self.measured[mesh.topology.face_components]
         if measured.any():
-            mesh = mesh.moved(with_part_moved(mesh, measured, partial(_denoised, self.surface, None), self.impulsive))
-        return with_part_moved(mesh, ~measured, partial(_denoised, self.vertex, self.strong), self.impulsive)
+            surface = partial(_denoised, self.surface, strong=None, white=False)
+            mesh = mesh.moved(with_part_moved(mesh, measured, surface, self.impulsive))
+        vertex = partial(_denoised, self.vertex, strong=self.strong, white=True)
+        return with_part_moved(mesh, ~measured, vertex, self.impulsive)
 
 
-def _denoised(network: Cascade, strong: Cascade | None, mesh: Mesh, impulsive: Bools) -> Vectors:
+def _denoised(network: Cascade, mesh: Mesh, impulsive: Bools, *, strong: Cascade | None, white: bool) -> Vectors:
     """Return the vertices, (n, 3), that a network denoises, as far as there is evidence for noise.
 
-    Outliers count as evidence. The later stages skip components without evidence. If there is a network for strong
-    noise, its stages replace them on components that the first stage turns by STRONG_NOISE or more.
+    Outliers count as evidence; `white` is that of `noise_evidence`. The later stages skip components without
+    evidence. If there is a network for strong noise, its stages replace them on components that the first stage turns
+    by STRONG_NOISE or more.
     """
     topology = mesh.topology
     normals = stage_normals(network.stages[0], mesh, mesh)
     angles = turning_angles(mesh, normals)
-    evidence = np.maximum(noise_evidence(mesh, angles), impulsive)
+    evidence = np.maximum(noise_evidence(mesh, angles, white=white), impulsive)
     noisy = np.isin(topology.face_components, topology.components[evidence > 0])
     parts = [(network, noisy)]
     if strong is not None:

@@ -3,6 +3,7 @@
 import numpy as np
 from shapes import grid, icosphere, noisy, side_by_side
 
+from cascadenorm.detection.noise_level import component_noise, noise_level
 from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
 from cascadenorm.mesh import Mesh, angles_between
@@ -46,6 +47,38 @@ def test_noise_on_a_part_of_a_mesh_is_evidence_there():
     evidence = noise_evidence(BALL, angles)
     assert np.all(evidence[BALL.vertices[:, 2] > 0.95] == 1)
     assert np.all(evidence[BALL.vertices[:, 2] < 0] == 0)
+
+
+def test_faces_turned_further_than_the_noise_explains_are_no_evidence():
+    mesh = noisy(BALL, 0.005)
+    explained = angles_between(mesh.face_normals, BALL.face_normals)
+    assert noise_evidence(mesh, explained, white=True).mean() > 0.99
+    assert noise_evidence(mesh, 3 * explained).mean() > 0.99
+    assert noise_evidence(mesh, 3 * explained, white=True).max() == 0
+
+
+def test_noise_on_a_part_is_evidence_although_the_rest_has_less():
+    upper = BALL.vertices[:, 2] > 0.5
+    mesh = BALL.moved(np.where(upper[:, None], noisy(BALL, 0.05).vertices, BALL.vertices))
+    angles = angles_between(mesh.face_normals, BALL.face_normals)
+    evidence = noise_evidence(mesh, angles, white=True)
+    assert np.degrees(angles.mean()) < 2
+    assert evidence[BALL.vertices[:, 2] > 0.7].mean() > 0.9
+    assert np.all(evidence[BALL.vertices[:, 2] < 0.3] == 0)
+
+
+def test_where_the_noise_cannot_be_estimated_the_angles_count():
+    mesh = grid(3, 3)
+    angles = np.full(len(mesh.faces), np.radians(1.5))
+    np.testing.assert_array_equal(noise_evidence(mesh, angles, white=True), 1)
+
+
+def test_the_noise_of_each_component_explains_its_own_angles():
+    mesh = side_by_side(noisy(BALL, 0.02), BALL)
+    noise = component_noise(mesh, np.array([True, True]))
+    alone = [noise_level(part) * part.mean_edge_length for part in (noisy(BALL, 0.02), BALL)]
+    np.testing.assert_allclose(noise, alone, rtol=1e-9, atol=1e-9)
+    assert np.isnan(component_noise(mesh, np.array([True, False]))[1])
 
 
 def test_faces_without_area_are_not_turned():
