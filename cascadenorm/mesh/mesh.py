@@ -282,6 +282,8 @@ def vertex_array(vertices: ArrayLike) -> Vectors:
     array = as_array(
         vertices, MeshError("vertices are a list whose rows have different lengths; they must be (n, 3) numbers")
     )
+    if np.ma.is_masked(vertices):
+        raise MeshError("vertices have masked coordinates: replace them by NaN, or leave out their faces")
     if array.ndim == 0:
         kind = type(vertices).__name__
         raise MeshError(
@@ -298,6 +300,8 @@ def face_array(faces: ArrayLike) -> NDArray[Any]:
     array = as_array(
         faces, MeshError("faces are a list whose rows have different lengths; they must be (m, 3) integers")
     )
+    if np.ma.is_masked(faces):
+        raise MeshError("faces have masked indices: leave these faces out")
     if array.size == 0:
         return np.zeros((0, 3), np.int32)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":

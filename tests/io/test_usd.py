@@ -463,6 +463,7 @@ def test_large_grids_are_read_and_written(tmp_path):
     assert np.array_equal(cn.read(tmp_path / "a.usdz").mesh.faces, sheet.faces)
     with zipfile.ZipFile(tmp_path / "a.usdz") as entries:
         (entry,) = entries.infolist()
+    assert entry.date_time[:3] == (1980, 1, 2)  # the bytes depend on the mesh only
     with (tmp_path / "a.usdz").open("rb") as file:
         file.seek(entry.header_offset + 26)
         name, extra = np.frombuffer(file.read(4), "<u2")

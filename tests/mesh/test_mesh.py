@@ -40,6 +40,16 @@ def test_lists_with_rows_of_different_lengths_are_refused(make):
         make(triangle, [[0, 1, 2], [0, 1, 2, 0]])
 
 
+@pytest.mark.parametrize("make", [Mesh, isolated, lambda *arrays: cn.denoise(arrays)])
+def test_masked_arrays_are_refused_if_a_value_is_masked(make):
+    vertices, faces = np.ma.array(np.eye(3)), np.ma.array([[0, 1, 2]])
+    make(vertices, faces)
+    with pytest.raises(MeshError, match="faces have masked indices: leave these faces out"):
+        make(vertices, np.ma.masked_equal(faces, 2))
+    with pytest.raises(MeshError, match="vertices have masked coordinates: replace them by NaN"):
+        make(np.ma.masked_equal(vertices, 1), faces)
+
+
 @pytest.mark.parametrize("vertices", ["x", [[0, 0, 0], [1]]])
 def test_a_mesh_is_moved_only_to_numbers(vertices):
     with pytest.raises(MeshError, match=r"must be \(n, 3\) numbers"):

@@ -1,5 +1,6 @@
 """Read, copy and write the layers of a USD file: text, binary or an archive."""
 
+import os
 import posixpath
 import re
 import sys
@@ -30,6 +31,9 @@ PARSED_AT = re.compile(r"^.*?[/\\]\d+\.usd:(\d+):(\d+): ")
 """Beginning of a message about a text layer: the name of the temporary file, the line and the column."""
 PARSER = re.compile(r"\bpxrInternal\w*::(Sdf_TextFileFormatParser::)?")
 """Namespaces of the rules that messages about text layers name."""
+DATE = 315_640_800
+"""Date of the files in an archive, 2 January 1980 in any time zone, so that the bytes depend only on the content. ZIP
+has no earlier year."""
 SINGLE = "layer.usd"  # name of the layer of a file that is not an archive
 
 _LIMITING = Lock()  # held while the memory of the process is limited
@@ -102,6 +106,7 @@ def usdz_archive(files: Mapping[str, bytes]) -> bytes:
                 for number, (name, data) in enumerate(files.items()):
                     path = Path(folder) / str(number)
                     path.write_bytes(data)
+                    os.utime(path, (DATE, DATE))
                     archive.AddFile(str(path), name)
             return target.read_bytes()
 
