@@ -18,7 +18,7 @@ from cascadenorm.io.interop import save_mesh
 threads.SMALLEST_CHUNK = 256  # kernels run on several threads even for the small meshes of tests
 
 # tests of one folder may use what those of another make, and the benchmarks of the checkout
-sys.path += [str(folder) for folder in sorted(Path(__file__).parent.iterdir()) if folder.is_dir()]
+sys.path += [str(folder) for folder in sorted(Path(__file__).parent.rglob("*")) if folder.is_dir()]
 sys.path.append(str(Path(__file__).parents[1]))
 
 
