@@ -1,34 +1,18 @@
+"""Errors wider than a few edges are removed on a coarse copy, and no edge folds."""
+
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from shapes import grid, icosphere, mean_angle, noisy
-from skimage.measure import marching_cubes
+from terraces import MASK, ball, terraces
 
 import cascadenorm as cn
 from cascadenorm.baselines.wide_errors import without_folds, without_wide_errors
-from cascadenorm.io.interop import save_mesh
-from cascadenorm.learned.methods import mesh_treatment
 from cascadenorm.mesh import Mesh, pair_products, unit
 
 TILT = Rotation.from_euler("xyz", [20, 35, 10], degrees=True).as_matrix()
-
-
-def terraces(distance, voxels: int, factor: int, *, binary: bool = False) -> Mesh:
-    """A body in a cube from -1 to 1, meshed from its distance looked up at one of `factor` voxels along each axis."""
-    count = voxels * factor
-    places = np.stack(np.meshgrid(*[(np.arange(voxels) + 0.5) * 2 / voxels - 1] * 3, indexing="ij"), axis=-1)
-    values = -distance(places)
-    values = np.where(values > 0, 1.0, -1.0) if binary else values
-    for axis in range(3):
-        values = np.repeat(values, factor, axis=axis)
-    vertices, faces, *_ = marching_cubes(values, 0.0)
-    return Mesh((vertices + 0.5) * 2 / count - 1, faces[:, ::-1])
-
-
-def ball(places: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(places, axis=-1) - 0.8
 
 
 def box(places: np.ndarray) -> np.ndarray:
@@ -43,7 +27,6 @@ def angle_to_ball(mesh: Mesh) -> float:
 
 
 STEPPED = terraces(ball, 16, 3)
-MASK = terraces(ball, 16, 3, binary=True)
 
 
 def test_wider_settings_remove_more_until_the_width_is_reached():
@@ -113,34 +96,6 @@ def test_steps_of_an_enlarged_mask_need_no_option():
     assert angle_to_ball(cn.denoise(MASK)) < 0.25 * angle_to_ball(MASK)
 
 
-@pytest.mark.parametrize(
-    ("settings", "treatment"),
-    [
-        ({}, "enlarged volume (probability 1.00)"),
-        ({"remove_detail": 0}, "measured surface (probability 0.95)"),
-        ({"remove_detail": "6 edges"}, "unknown"),
-        ({"parameters": {"treat_as": "vertex-noise"}}, "vertex noise (as set)"),
-    ],
-)
-def test_an_enlarged_mask_is_said_to_be_one_if_its_steps_are_removed(tmp_path, settings, treatment):
-    save_mesh(tmp_path / "mask.ply", MASK)
-    done = cn.denoise_file(tmp_path / "mask.ply", tmp_path / "out.ply", **settings)
-    assert str(done.treated_as) == treatment
-    assert done.treated_as == cn.inspect(MASK).treated_as or settings
-
-
-def test_most_faces_decide_whether_a_mesh_is_said_to_be_enlarged():
-    for balls, treatment in (2, "enlarged volume (probability 1.00, "), (3, "vertex noise (probability "):
-        meshes = [MASK, *[noisy(icosphere(4), 0.15)] * balls]
-        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        vertices = np.concatenate([mesh.vertices + 5 * number for number, mesh in enumerate(meshes)])
-        faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
-        told = mesh_treatment(Mesh(vertices, faces))
-        assert str(told).startswith(treatment)
-        share = len(MASK.faces) / len(faces)
-        assert told.share == pytest.approx(share if balls == 2 else 1 - share)
-
-
 def test_only_the_enlarged_one_of_two_components_is_copied():
     rough = noisy(icosphere(4), 0.15)
     mesh = Mesh(
@@ -169,17 +124,6 @@ def test_a_coarser_component_does_not_keep_errors_on_a_finer_one(method):
     found, other = fine.moved(vertices[: len(fine.vertices)]), coarse.moved(vertices[len(fine.vertices) :])
     assert mean_angle(found, true) < 0.3 * mean_angle(fine, true)
     np.testing.assert_allclose(other.vertices, cn.denoise(coarse, method=method).vertices, atol=1e-6)
-
-
-@pytest.mark.parametrize(("small", "treatment"), [(2, "vertex-noise"), (5, "unknown")])
-def test_most_faces_decide_whether_a_mesh_is_said_to_be_unknown_because_of_copies(tmp_path, small, treatment):
-    fine, coarse = noisy(icosphere(small), 0.2), noisy(icosphere(4), 0.2)
-    vertices = np.concatenate([fine.vertices, coarse.vertices * 50 + 200])
-    save_mesh(tmp_path / "two.ply", Mesh(vertices, np.concatenate([fine.faces, coarse.faces + len(fine.vertices)])))
-    width = 4 * fine.mean_edge_length
-    done = cn.denoise_file(tmp_path / "two.ply", tmp_path / "out.ply", remove_detail=width)
-    assert (done.treated_as.treatment, done.treated_as.given) == (treatment, treatment == "unknown")
-    assert done.treated_as.share == pytest.approx(max(len(fine.faces), len(coarse.faces)) / (20 * 4**small + 20 * 4**4))
 
 
 @pytest.mark.parametrize("width", [0, "1 edge"])
