@@ -114,6 +114,11 @@ def mean_angle(mesh: Mesh, true: Mesh) -> float:
     return float(np.degrees(np.arccos(np.clip((mesh.face_normals * true.face_normals).sum(axis=1), -1, 1))).mean())
 
 
+def signed_area(points: np.ndarray) -> float:
+    x, y = points.T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
 def signed_volume(mesh: Mesh) -> float:
     """What a closed mesh encloses, positive where its normals point outward (divergence theorem)."""
     return float(np.einsum("ij,ij->", mesh.centroids, mesh.area_vectors) / 3)

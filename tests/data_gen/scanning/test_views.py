@@ -5,13 +5,13 @@ import contextlib
 import numpy as np
 import pytest
 
-from cascadenorm.data_gen import SHAPE_FAMILIES, DatasetConfig, pair
 from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.scanning.measured import Measured
-from cascadenorm.data_gen.scanning.views import fused, largest_sheets
+from cascadenorm.data_gen.scanning.views import fused, largest_sheets, scanned_view
 from cascadenorm.data_gen.shapes import fields
+from cascadenorm.mesh import unit
 
 BALL = fields.sphere(radius=1)
 
@@ -80,11 +80,13 @@ def test_a_sheet_without_any_face_is_unfit():
         largest_sheets(np.zeros((3, 3)), np.zeros((0, 3), np.int32))
 
 
-def test_half_of_the_scans_have_the_error_of_cameras_and_the_others_another():
-    config = DatasetConfig(seed=3, families=("fused",), min_faces=1200, max_faces=1800)
-    made = [pair(config, index) for index in range(8)]
-    assert {"sensor"} < {each.noise_kind for each in made}
-    for each in made:
-        assert SHAPE_FAMILIES[each.family].seen
-        np.testing.assert_array_equal(each.noisy.faces, each.clean.faces)
-        assert not np.array_equal(each.noisy.vertices, each.clean.vertices)
+def test_a_view_is_what_is_seen_from_one_side():
+    ball = fields.sphere(radius=1)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        mesh = scanned_view(ball, extent_of(ball, rng=rng), faces=4000, rng=rng)
+        assert 0.6 * 4000 < len(mesh.faces) < 1.6 * 4000 and is_manifold(mesh)
+        np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=2e-3)
+        toward = unit(mesh.area_vectors.sum(axis=0)[None])[0]
+        assert (mesh.vertices @ toward).min() > -0.05
+        assert (mesh.face_normals * mesh.centroids).sum(axis=1).min() > 0.9

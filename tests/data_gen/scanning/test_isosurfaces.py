@@ -1,4 +1,4 @@
-"""Marching tetrahedra give closed, outward surfaces that converge to the shape."""
+"""Marching tetrahedra give closed, outward surfaces that converge to the shape, as other levels of fields do."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from cascadenorm.data_gen.meshing.half_edges import is_manifold
 from cascadenorm.data_gen.meshing.surface import extent_of
 from cascadenorm.data_gen.scanning import isosurfaces
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface, marching_tetrahedra
+from cascadenorm.data_gen.shapes import fields
 from cascadenorm.data_gen.shapes.fields import sphere
 from cascadenorm.mesh import angles_between
 
@@ -74,3 +75,21 @@ def test_relief_of_a_level_is_in_its_field(monkeypatch, smooth):
             heights[share].append(np.std(np.linalg.norm(mesh.vertices, axis=1)) / mesh.mean_edge_length)
     assert max(heights[0.0]) < 0.03  # the mesher interpolates
     assert np.median(heights[1.0]) > 0.05 and max(heights[1.0]) < 3
+
+
+BALL = fields.sphere(radius=0.8)
+
+
+@pytest.mark.parametrize("name", isosurfaces.MESHERS)
+@pytest.mark.parametrize("seed", range(3))
+def test_isosurfaces_have_no_error_but_that_of_interpolation(monkeypatch, name, seed):
+    mesher, density, _ = isosurfaces.MESHERS[name]
+    monkeypatch.setattr(isosurfaces, "MESHERS", {name: (mesher, density, 1.0)})
+    monkeypatch.setattr(isosurfaces, "RELIEF_SHARE", 0.0)
+    rng = np.random.default_rng(seed)
+    extent = extent_of(BALL, rng=rng)
+    mesh = isosurface(BALL, extent, faces=6000, rng=rng)
+    assert is_manifold(mesh) and not mesh.topology.boundary_vertices.any()
+    assert 3000 < len(mesh.faces) < 10000
+    diagonal = np.sqrt(3 * density * extent.area / 6000)  # of a cell, the longest line on which values are interpolated
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.8).max() < diagonal**2 / (8 * 0.8)

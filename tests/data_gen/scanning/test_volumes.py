@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+from measured_fields import measured
 from shapes import signed_volume
 
 from cascadenorm.data_gen.errors import UnfitShapeError
-from cascadenorm.data_gen.meshing.half_edges import is_manifold
-from cascadenorm.data_gen.meshing.surface import extent_of
-from cascadenorm.data_gen.scanning import isosurfaces, volumes
-from cascadenorm.data_gen.scanning.isosurfaces import isosurface
-from cascadenorm.data_gen.scanning.measured import beneath
+from cascadenorm.data_gen.scanning import volumes
 from cascadenorm.data_gen.scanning.volumes import segmentation, surface_nets, tomogram, volume_surface
 from cascadenorm.data_gen.shapes import fields
 from cascadenorm.detection.segmentation_steps import has_voxel_faces
@@ -17,11 +14,6 @@ from cascadenorm.mesh import angles_between
 
 BALL = fields.sphere(radius=0.8)
 BOX = fields.box([0.5, 0.6, 0.7])
-
-
-def measured(kind, field, *, seed, **settings):
-    rng = np.random.default_rng(seed)
-    return kind(field, extent_of(field, rng=rng), faces=6000, rng=rng, **settings)
 
 
 def mask(radius: float, count: int = 24):
@@ -74,21 +66,6 @@ def test_enlarged_labels_make_steps_twice_as_high(monkeypatch):
     assert 1.5 < heights[1] / heights[0] < 2.5
 
 
-@pytest.mark.parametrize("name", isosurfaces.MESHERS)
-@pytest.mark.parametrize("seed", range(3))
-def test_isosurfaces_have_no_error_but_that_of_interpolation(monkeypatch, name, seed):
-    mesher, density, _ = isosurfaces.MESHERS[name]
-    monkeypatch.setattr(isosurfaces, "MESHERS", {name: (mesher, density, 1.0)})
-    monkeypatch.setattr(isosurfaces, "RELIEF_SHARE", 0.0)
-    rng = np.random.default_rng(seed)
-    extent = extent_of(BALL, rng=rng)
-    mesh = isosurface(BALL, extent, faces=6000, rng=rng)
-    assert is_manifold(mesh) and not mesh.topology.boundary_vertices.any()
-    assert 3000 < len(mesh.faces) < 10000
-    diagonal = np.sqrt(3 * density * extent.area / 6000)  # of a cell, the longest line on which values are interpolated
-    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.8).max() < diagonal**2 / (8 * 0.8)
-
-
 def test_a_tomogram_errs_with_its_grain():
     errors = []
     for level in (0.02, 0.9):
@@ -132,9 +109,3 @@ def test_volumes_without_a_surface_are_refused():
     for mesher in (volume_surface, surface_nets):
         with pytest.raises(UnfitShapeError):
             mesher(np.zeros((5, 5, 5)))
-
-
-def test_the_truth_far_from_the_shape_is_unknown():
-    made = measured(segmentation, BALL, seed=0, slices=False)
-    far = made.noisy.moved(made.noisy.vertices * 1.6)
-    assert not beneath(BALL, far, cell=0.05).normals.any()

@@ -1,0 +1,17 @@
+"""Decimated scans keep the error of the scan."""
+
+import numpy as np
+from small_datasets import SMALL
+
+from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.mesh import angles_between
+
+
+def test_decimated_scans_keep_the_error_of_the_scan():
+    def mean_angle(level):
+        config = DatasetConfig(seed=5, families=("decimated_scan",), min_level=level, max_level=level, **SMALL)
+        made = [pair(config, index) for index in range(6)]
+        assert {one.noise_kind for one in made} == {"none"}
+        return np.mean([np.degrees(angles_between(one.noisy.face_normals, one.normals)).mean() for one in made])
+
+    assert 2 < mean_angle(0.05) < 0.8 * mean_angle(0.7) < 30
