@@ -1,5 +1,8 @@
+"""Anisotropic diffusion is the cotangent flow where a surface is smooth, and hardly crosses its edges."""
+
 import numpy as np
 import pytest
+from flows import distance_to_cube
 from shapes import cube, grid, icosphere, noisy
 
 from cascadenorm.baselines.anisotropic_diffusion import (
@@ -12,10 +15,6 @@ from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit
 
 MESH = noisy(icosphere(2), 0.2)
-
-
-def distance_to_cube(points):
-    return abs(abs(points).max(axis=1) - 1)
 
 
 def test_without_a_threshold_it_is_the_cotangent_laplacian():

@@ -1,3 +1,5 @@
+"""Bilateral filters of face normals, one pass at a time or as one system, equal their formulas."""
+
 import numpy as np
 import pytest
 import reference

@@ -1,3 +1,5 @@
+"""Bilateral filters of vertices equal their formulas, and keep planes and edges."""
+
 import numpy as np
 import reference
 from hypothesis import given, settings

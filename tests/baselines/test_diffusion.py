@@ -1,9 +1,10 @@
+"""Steps of Laplacian and mean curvature flow scale frequencies as their formulas say, however long they are."""
+
 import logging
-from functools import cache
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from flows import spectrally
 from shapes import grid, icosphere, noisy
 
 from cascadenorm.baselines.anisotropic_diffusion import anisotropic_diffusion
@@ -16,18 +17,6 @@ from cascadenorm.mesh import Mesh
 from cascadenorm.registry import find
 
 MESH = noisy(icosphere(2), 0.15)
-
-
-@cache
-def spectrum(mesh, weights):
-    operator = laplacian_of(mesh, weights)
-    return *eigh(operator.stiffness.toarray(), np.diag(operator.mass)), operator.mass[:, None]
-
-
-def spectrally(mesh, weights, transfer):
-    """Scale the part of the vertices along each eigenvector of the Laplacian by transfer(eigenvalue)."""
-    values, vectors, mass = spectrum(mesh, weights)
-    return vectors @ (transfer(values)[:, None] * (vectors.T @ (mass * mesh.vertices)))
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])

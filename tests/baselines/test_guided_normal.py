@@ -1,3 +1,5 @@
+"""Guided filtering of normals takes its guidance from the least inconsistent patch around a face."""
+
 import numpy as np
 import pytest
 import reference

@@ -1,3 +1,5 @@
+"""L0 minimisation equals its formulas and returns noisy flat sides to planes."""
+
 import numpy as np
 import pytest
 import reference

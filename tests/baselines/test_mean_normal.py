@@ -1,3 +1,5 @@
+"""Mean, unilateral, random-walk and median filters of normals equal their formulas."""
+
 import numpy as np
 import pytest
 import reference

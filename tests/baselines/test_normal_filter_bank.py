@@ -1,3 +1,5 @@
+"""A filter with more faces in its reach than it may sum over takes the nearest rings."""
+
 import numpy as np
 from shapes import grid, noisy, side_by_side
 

@@ -1,7 +1,9 @@
+"""The flow keeps cylinders and edges, which mean curvature flow shrinks and rounds."""
+
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, noisy
-from test_anisotropic_diffusion import distance_to_cube
+from flows import cylinder, distance_to_cube
+from shapes import cube, icosphere, noisy
 
 from cascadenorm.baselines.anisotropic_diffusion import diffused_vertex_normals
 from cascadenorm.baselines.diffusion import mean_curvature_flow
@@ -10,19 +12,6 @@ from cascadenorm.geometry.laplacians import cotangent_laplacian
 from cascadenorm.mesh import Mesh, unit
 
 MESH = noisy(icosphere(2), 0.15)
-
-
-def cylinder(around, along):
-    """Open cylinder with edges of about length 1 around the z axis."""
-    plane = grid(along, around)
-    x, y, _ = plane.vertices.T
-    angle, radius = 2 * np.pi * x / around, around / (2 * np.pi)
-    kept = np.flatnonzero(x < around)
-    number = np.zeros(len(x), int)
-    number[kept] = np.arange(len(kept))
-    number[x == around] = number[x == 0]
-    vertices = np.stack([radius * np.cos(angle), radius * np.sin(angle), y], axis=1)
-    return Mesh(vertices[kept], number[plane.faces]), radius
 
 
 def test_with_weights_one_it_is_the_gradient_of_the_area():

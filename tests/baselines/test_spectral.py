@@ -1,3 +1,5 @@
+"""Filters of manifold harmonics keep, drop or raise the energy of the bands that they should."""
+
 import numpy as np
 import pytest
 from shapes import icosphere, noisy, side_by_side

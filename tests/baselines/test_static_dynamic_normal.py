@@ -1,3 +1,5 @@
+"""Each pass of the filter equals its formula and lowers its energy."""
+
 from functools import partial
 
 import numpy as np

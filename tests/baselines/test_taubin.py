@@ -1,7 +1,9 @@
+"""Taubin smoothing scales frequencies as its formula says and keeps the volume."""
+
 import numpy as np
 import pytest
+from flows import spectrally
 from shapes import icosphere, noisy
-from test_diffusion import spectrally
 
 from cascadenorm.baselines.diffusion import laplacian
 from cascadenorm.baselines.taubin import opposite_step, taubin

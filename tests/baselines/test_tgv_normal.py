@@ -1,3 +1,5 @@
+"""Total generalised variation of normals is minimised as its formulas say, and leaves no stairs on round surfaces."""
+
 import numpy as np
 import pytest
 from shapes import cube, icosphere, mean_angle, noisy

@@ -1,3 +1,5 @@
+"""Total variation of normals is minimised as its formula says."""
+
 import numpy as np
 import pytest
 from shapes import grid, icosphere, noisy

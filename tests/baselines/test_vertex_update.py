@@ -1,3 +1,5 @@
+"""Vertices are moved to where their faces have the given normals, by sweeps or by least squares."""
+
 from typing import get_args
 
 import numpy as np

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from flows import cylinder
 from scipy.optimize import brentq
 from shapes import cube, grid, icosphere, noisy
-from test_prescribed_mean_curvature import cylinder
 
 from cascadenorm.baselines.fairing import fairing
 from cascadenorm.errors import ParameterError

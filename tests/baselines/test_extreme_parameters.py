@@ -1,3 +1,5 @@
+"""The last allowed values of parameters give finite meshes, and those beyond are refused."""
+
 import numpy as np
 import pytest
 from shapes import icosphere, noisy
