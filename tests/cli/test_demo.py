@@ -1,3 +1,5 @@
+"""The demonstration denoises and draws its examples, and leaves other files alone."""
+
 import subprocess
 import sys
 from pathlib import Path

@@ -3,14 +3,33 @@
 import numpy as np
 import PIL.Image
 import pytest
+from commands import refused
 from pictures import decoded_size
-from shapes import icosphere, noisy
+from shapes import grid, icosphere, noisy
 
 from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
 
 BALL = icosphere(3)
 ROUGH = noisy(BALL, 0.3)
+
+
+def test_the_mesh_that_does_not_fit_the_reference_is_named(place, capsys):
+    save_mesh(place / "other.ply", grid(3, 3))
+    code, message = refused(
+        capsys, *["render", "ball.ply", "true.ply", "-o", "a.png", "--values", "angle", "--reference", "other.ply"]
+    )
+    assert code == 4 and "mesh 1 does not have the same faces as the mesh that it is compared with" in message
+
+
+def test_render_draws_meshes_side_by_side(place, capsys):
+    assert run(["render", "ball.ply", "true.ply", "-o", "both.png", "--size", "40"]) == 0
+    assert capsys.readouterr().out == "both.png\n"
+    data = (place / "both.png").read_bytes()
+    assert data.startswith(b"\x89PNG") and int.from_bytes(data[16:20], "big") >= 80
+    assert refused(capsys, "render", "ball.ply", "-o", "both.png")[0] == 5
+    assert (place / "both.png").read_bytes() == data
+    assert refused(capsys, "render", "absent.ply", "-o", "new.png")[0] == 3
 
 
 @pytest.mark.compiled

@@ -19,7 +19,7 @@ import cascadenorm as cn
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 PROGRAM = """
 import locale, sys
 locale.setlocale(locale.LC_ALL, "")  # as programs do that embed Python
