@@ -54,7 +54,7 @@ def test_a_vertex_group_is_the_mask(ball):
     ball.data.vertices.foreach_set("co", SINGLE.ravel())
     denoise(vertex_group="right", invert_vertex_group=True)
     assert positions(ball.data.vertices).tobytes() == denoised(mask=1 - RIGHT * 0.5).tobytes()
-    with pytest.raises(RuntimeError, match="Mask is 'left', which ball does not have"):
+    with pytest.raises(RuntimeError, match="Mask is 'left', which is not a vertex group of ball"):
         denoise(vertex_group="left")
 
 
