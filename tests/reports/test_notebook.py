@@ -120,13 +120,6 @@ def test_a_large_mesh_describes_itself_in_words(monkeypatch):
     assert "<img" in cube(2)._repr_html_()
 
 
-def test_a_bar_shows_the_fraction_that_is_done(capsys):
-    with cn.progress_bar("Smoothing") as progress:
-        cn.denoise(ROUGH, method="laplacian", iterations=3, progress=progress)
-    shown = capsys.readouterr().err
-    assert "Smoothing:   0%" in shown and "Smoothing: 100%" in shown
-
-
 CELLS = """\
 import cascadenorm as cn
 mesh = cn.read("rough.ply").mesh
