@@ -1,20 +1,97 @@
-"""Requests about the open mesh, made in this process."""
+"""Requests about the open mesh."""
 
+import io
 import json
+import shlex
 from base64 import b64decode
 from pathlib import Path
+from urllib.parse import unquote
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from shapes import icosphere, noisy
+from scans import LAPLACIAN, ROUGH, denoised, studio_on_a_scan
+from shapes import icosphere
+from studios import until
 
+import cascadenorm as cn
+from cascadenorm.cli import run
 from cascadenorm.errors import OutputError, ReadError
 from cascadenorm.io import atomic
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.studio.requests import Requests
 
-ROUGH = noisy(icosphere(2), 0.2)
 SETTINGS = {"method": "laplacian", "parameters": {}, "controls": {}}
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
+        yield started
+
+
+def test_a_result_is_saved_with_all_that_the_file_holds_as_the_command_line_saves_it(studio, monkeypatch):
+    with studio.told() as events:
+        assert until(events, type="opened")["faces"] == len(ROUGH.faces)
+        shown = denoised(studio, events, LAPLACIAN)
+    assert shown["moved"] == len(ROUGH.vertices)
+    done = studio.done("/api/save", {"settings": LAPLACIAN, "name": "out.ply"})
+    assert (done["file"], done["left_out"]) == ("out.ply", [])
+    saved = (studio.folder / "out.ply").read_bytes()
+    (listed,) = done["files"]
+    assert listed["path"] == str(studio.folder / "out.ply")
+    assert studio.asked("GET", f"/api/saved/{listed['number']}") == (200, saved)
+    assert studio.asked("GET", f"/api/saved/{listed['number']}", authorization=None)[0] == 401
+    assert studio.asked("GET", f"/api/saved/{listed['number'] + 1}")[0] == 404
+    (studio.folder / "out.ply").unlink()
+
+    monkeypatch.chdir(studio.folder)
+    command = shlex.split(done["command"])
+    assert command[:3] == ["cascadenorm", "denoise", "scan.ply"] and "--strength" in command
+    assert run(command[1:]) == 0
+    assert (studio.folder / "out.ply").read_bytes() == saved
+    (studio.folder / "out.ply").unlink()
+    exec(done["python"], {})
+    assert (studio.folder / "out.ply").read_bytes() == saved
+
+    source, out = (cn.read(studio.folder / name).content().vertex_values for name in ("scan.ply", "out.ply"))
+    for name in ("quality", "label"):
+        np.testing.assert_array_equal(out[name], source[name])
+    status, answer = studio.asked("POST", "/api/save", {"settings": LAPLACIAN, "name": "out.ply"})
+    assert status == 400 and answer["remedy"] == ["force", True] and answer["existing"] == ["out.ply"]
+    studio.done("/api/save", {"settings": LAPLACIAN, "name": "out.ply", "force": True})
+    assert (studio.folder / "out.ply").read_bytes() == saved
+
+
+@pytest.mark.parametrize("kind", ["save", "download", "recipe"])
+def test_a_name_without_an_extension_is_refused(studio, kind):
+    before = set(studio.folder.iterdir())
+    status, answer = studio.asked("POST", f"/api/{kind}", {"settings": LAPLACIAN, "name": "out"})
+    assert status == 400 and "out has no extension" in answer["error"] and "ply" in answer["error"]
+    assert set(studio.folder.iterdir()) == before
+
+
+def test_a_dropped_file_with_another_that_it_names_is_downloaded_with_it(studio, tmp_path):
+    rows = [f"v {x} {y} {z}" for x, y, z in ROUGH.vertices] + ["usemtl red"]
+    rows += [f"f {a} {b} {c}" for a, b, c in ROUGH.faces + 1]
+    (tmp_path / "part.obj").write_text("\n".join(["mtllib part.mtl", *rows]), encoding="utf-8")
+    (tmp_path / "part.mtl").write_text("newmtl red\nKd 1 0 0\n", encoding="utf-8")
+    try:
+        assert studio.drop(tmp_path / "part.mtl", tmp_path / "part.obj")[0] == 200
+        status, packed = studio.asked("POST", "/api/download", {"settings": LAPLACIAN, "name": "new.obj"})
+        about = json.loads(unquote(studio.headers["x-about"]))
+        assert status == 200 and about["name"] == "new.zip"
+        assert about["command"].startswith("cascadenorm denoise part.obj -o new.obj ")
+        with ZipFile(io.BytesIO(packed)) as archive:
+            assert sorted(archive.namelist()) == ["new.obj", "part.mtl"]
+            (tmp_path / "new.obj").write_bytes(archive.read("new.obj"))
+        cn.denoise_file(tmp_path / "part.obj", tmp_path / "same.obj", method="laplacian", strength=0.5,
+                        parameters={"iterations": 2})  # fmt: skip
+        assert (tmp_path / "new.obj").read_bytes() == (tmp_path / "same.obj").read_bytes()
+        status, answer = studio.asked("POST", "/api/save", {"settings": LAPLACIAN, "name": "new.obj"})
+        assert status == 400 and "download the result" in answer["error"]
+    finally:
+        assert studio.drop(studio.folder / "scan.ply")[0] == 200
 
 
 def asked(requests, kind, **given):
