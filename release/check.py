@@ -21,7 +21,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TESTS = ("api/test_api", "geometry/test_metrics", "api/test_selection")
+TESTS = ("api/test_api", "api/test_selection", "geometry/test_metrics", "io/test_interop")
 """Tests that need nothing of the checkout but the folder of the tests."""
 
 

@@ -130,3 +130,10 @@ def side_by_side(*meshes: Mesh) -> Mesh:
     vertices = [mesh.vertices + 100.0 * i for i, mesh in enumerate(meshes)]
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def together(*meshes: Mesh) -> Mesh:
+    """Join meshes into one of several parts."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))

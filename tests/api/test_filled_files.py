@@ -1,3 +1,5 @@
+"""Files whose holes are filled keep all that they hold, and patches go on with what is around them."""
+
 import io
 import re
 from dataclasses import replace

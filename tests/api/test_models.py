@@ -1,4 +1,5 @@
-import hashlib
+"""Models that ship are those of their configurations, and a training makes models that denoise."""
+
 import io
 import json
 import shlex
@@ -11,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api.training_pairs import training_pairs
 from cascadenorm.baselines.vertex_update import recover_vertices
 from cascadenorm.cli import run
 from cascadenorm.data_gen import DatasetConfig, pair
@@ -25,8 +25,8 @@ from cascadenorm.learned.features import CONTEXT_STEPS
 from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.regression import stage_stack
 from cascadenorm.learned.training.gate_training import GateConfig
-from cascadenorm.learned.training.training_log import Pass, read_passes, recording
-from cascadenorm.mesh import Mesh, in_frame, scaled_alike
+from cascadenorm.learned.training.training_log import read_passes
+from cascadenorm.mesh import Mesh
 
 ROOT = Path(__file__).parents[2]
 HELD_OUT = DatasetConfig(
@@ -49,8 +49,6 @@ families = ["smooth"]
 min_faces = 1200
 max_faces = 1250
 """
-
-
 NETWORKS = {**shipped("auto").networks, "cascade": shipped("cascade")}
 
 
@@ -202,52 +200,6 @@ def test_train_records_each_pass_and_its_curves_are_shown(tmp_path, capsys):
     assert run(words) == 5 and "log" in capsys.readouterr().err  # and so is the log
 
 
-def test_the_card_for_the_hub_has_the_digest_and_the_licence_of_the_file(tmp_path):
-    own, card = tmp_path / "my own.safetensors", tmp_path / "README.md"
-    own.write_bytes(shipped("cascade").to_bytes())
-    assert run(["models", str(own), "--hub", str(card)]) == 0
-    _, metadata, text = card.read_text(encoding="utf-8").split("---\n", 2)
-    assert metadata.startswith("license: mit\nlibrary_name: cascadenorm\ntags:\n- mesh-denoising\n")
-    digest = hashlib.sha256(own.read_bytes()).hexdigest()
-    assert f"| `my own.safetensors` | {own.stat().st_size} | `{digest}` | MIT |" in text
-    assert "scan.ply --model 'my own.safetensors'`" in text and 'model="my own.safetensors")' in text
-    losses = shipped("cascade").card["validation_chord_by_stage_and_cluster"]
-    assert f"| 2 | {' | '.join(f'{loss:.4f}' for loss in losses[1])} |" in text
-    assert run(["models", "auto", "--hub", str(card)]) == 5  # it exists
-    assert run(["models", "auto", "--hub", str(card), "--force"]) == 0
-    shipped_file = Path(cn.__file__).parent / "weights" / "auto.safetensors"
-    text = card.read_text(encoding="utf-8")
-    assert hashlib.sha256(shipped_file.read_bytes()).hexdigest() in text
-    assert "## Library versions of the surface network" in text and "## Gate\n\nExtremely randomised trees" in text
-
-
-@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
-def test_a_log_goes_on_after_an_interruption_and_the_later_of_two_passes_counts(tmp_path, suffix):
-    log = tmp_path / f"log.{suffix}"
-    first, again = Pass(1, 1, 1, 0.5, 0.4, 30.0), Pass(1, 1, 1, 0.3, 0.2, 20.0)
-    with recording(log, None, resumed=False) as record:
-        record(first)
-        line = log.read_text().splitlines()[-1]  # it is there at once
-        assert line == "1,1,1,0.5,0.4,30.0" if suffix == "csv" else json.loads(line) == first._asdict()
-    with recording(log, None, resumed=True) as record:
-        record(again)
-        record(Pass(1, 2, 1, 0.9, 0.8, 50.0))
-    assert read_passes(log) == [again, Pass(1, 2, 1, 0.9, 0.8, 50.0)]
-    with recording(log, None, resumed=False) as record:
-        record(first)
-    assert read_passes(log) == [first]
-
-
-def test_logs_of_another_kind_are_refused(tmp_path, capsys):
-    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
-    assert run(["models", "--curves", str(tmp_path / "other.csv")]) == 3
-    assert "other.csv is not a log of `cascadenorm train`" in capsys.readouterr().err
-    assert run(["models", "--curves", str(tmp_path / "none.csv")]) == 3
-    assert "none.csv cannot be read: No such file or directory\n" in capsys.readouterr().err
-    assert run(["train", "--quick", "-o", str(tmp_path / "w.safetensors"), "--log", str(tmp_path / "log.txt")]) == 2
-    assert "must end in .csv or .jsonl" in capsys.readouterr().err
-
-
 def test_the_name_of_a_file_is_no_configuration(tmp_path):
     with pytest.raises(
         cn.ParameterError, match="config is of type str; it must be a TrainConfig, which read_config reads"
@@ -304,65 +256,6 @@ def test_train_writes_a_model_that_denoises(trained, tmp_path, capsys):
     assert weights.read_bytes() != before
 
 
-def save(mesh: cn.Mesh, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    cn.write(cn.from_arrays(mesh.vertices, mesh.faces), path)
-
-
-def test_own_shapes_get_noise_again_and_again_and_own_pairs_are_taken_as_they_are(tmp_path):
-    ball, rough = icosphere(3), noisy(icosphere(4), 0.2)
-    save(ball, tmp_path / "shapes" / "ball.ply")
-    save(rough, tmp_path / "pairs" / "ball" / "noisy.ply")
-    save(icosphere(4), tmp_path / "pairs" / "ball" / "clean.ply")
-    config = DatasetConfig(count=12, min_faces=1200, max_faces=1280, noise_kinds=("normal",), min_level=0.1)
-    made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
-    shapes, pieces = made[:3], made[3:]
-    assert len(pieces) == 4 and sum(len(p.clean.faces) for p in pieces) == len(rough.faces)
-    for p in shapes:
-        np.testing.assert_array_equal(p.clean.vertices, in_frame(ball)[0].vertices)
-        spread = np.linalg.norm(p.noisy.vertices - p.clean.vertices, axis=1).std() / p.clean.mean_edge_length
-        assert spread > 0.03 and p.family == "own"
-    assert (shapes[0].noisy.vertices != shapes[1].noisy.vertices).any()
-    corners = np.concatenate([p.noisy.corners for p in pieces]).reshape(-1, 9)
-    expected = scaled_alike(rough, icosphere(4))[0].corners.reshape(-1, 9)
-    np.testing.assert_array_equal(np.unique(corners, axis=0), np.unique(expected, axis=0))
-    cn.write(cn.from_arrays(ball.vertices, ball.faces), tmp_path / "pairs" / "ball" / "noisy.ply", force=True)
-    with pytest.raises(cn.MeshError, match="different faces"):
-        training_pairs([], [tmp_path / "pairs"], config)
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(cn.ReadError, match="holds no mesh files"):
-        training_pairs([tmp_path / "empty"], [], config)
-
-
-def test_polygons_of_own_pairs_are_cut_into_the_same_triangles(tmp_path):
-    sheet = grid(20, 20)
-    corners = np.arange(21 * 21).reshape(21, 21)
-    quads = np.stack([corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]], axis=-1).reshape(-1, 4)
-    for name, mesh in (("clean", sheet), ("noisy", noisy(sheet, 0.4))):
-        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
-        lines += [f"f {' '.join(map(str, quad))}" for quad in (quads + 1).tolist()]
-        (tmp_path / f"{name}.obj").write_text("\n".join(lines))
-    cut = [cn.read(tmp_path / f"{name}.obj").mesh.faces for name in ("noisy", "clean")]
-    assert (cut[0] != cut[1]).any()
-    (made,) = training_pairs([], [tmp_path], DatasetConfig(count=8))
-    np.testing.assert_array_equal(made.noisy.faces, made.clean.faces)
-
-
-def test_own_meshes_are_wound_as_they_are_to_be_denoised(tmp_path):
-    ball, rough = icosphere(4), noisy(icosphere(4), 0.2)
-    faces = ball.faces.copy()
-    faces[::3] = faces[::3, ::-1]
-    save(Mesh(ball.vertices, faces), tmp_path / "shapes" / "ball.ply")
-    save(Mesh(rough.vertices, faces), tmp_path / "pairs" / "ball" / "noisy.ply")
-    save(Mesh(ball.vertices, faces), tmp_path / "pairs" / "ball" / "clean.ply")
-    config = DatasetConfig(count=8, min_faces=1200, max_faces=1280)
-    made = training_pairs([tmp_path / "shapes"], [tmp_path / "pairs"], config)
-    assert len(made) == 8
-    for p in made:
-        assert ((p.clean.face_normals * p.clean.centroids).sum(axis=1) > 0).all()
-        np.testing.assert_array_equal(p.noisy.faces, p.clean.faces)
-
-
 def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "skimage", None)
     assert run(["train", "-o", str(tmp_path / "new.safetensors")]) == 1
@@ -371,6 +264,11 @@ def test_without_what_makes_shapes_neither_training_nor_generating_begins(tmp_pa
     needed = 'generating data needs skimage, which is not installed: pip install "cascadenorm[train]"'
     assert needed in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def save(mesh: cn.Mesh, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cn.write(cn.from_arrays(mesh.vertices, mesh.faces), path)
 
 
 def test_own_meshes_change_the_model_and_stand_in_its_card(trained, tmp_path):

@@ -1,3 +1,5 @@
+"""Masks, fixed vertices, faces and creases are found by their names in a file."""
+
 import json
 import re
 import struct

@@ -1,3 +1,5 @@
+"""Spectra of meshes tell shapes apart, whatever their pose and, if asked for, their size."""
+
 import numpy as np
 import pytest
 from shapes import icosphere, noisy

@@ -1,9 +1,13 @@
+"""Operations on rows of arrays are those of numpy."""
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
-from cascadenorm.mesh import pair_products, scatter_add, vectors
+from cascadenorm.compute.arrays import first_of_each
+from cascadenorm.mesh import pair_products, scatter_add
 
 
 @given(st.integers(0, 40), st.sampled_from([(), (1,), (3,), (3, 3)]), st.sampled_from([np.int32, np.int64]), st.data())
@@ -29,20 +33,14 @@ def test_scatter_add_takes_views_of_any_layout():
     np.testing.assert_array_equal(scatter_add(index, values, 3), [values[1], values[0] + values[2], values[3]])
 
 
-def test_vector_kernels_agree_with_numpy():
-    rng = np.random.default_rng(0)
-    for u, v in rng.normal(size=(20, 2, 3)):
-        a, b = vectors.row(np.stack([v, u]), 1), tuple(v)
-        np.testing.assert_array_equal(vectors.add(a, b), u + v)
-        np.testing.assert_array_equal(vectors.subtract(u, b), u - v)  # rows may stand for vectors
-        np.testing.assert_allclose(vectors.dot(a, b), u @ v, atol=1e-15)
-        np.testing.assert_allclose(vectors.cross(a, b), np.cross(u, v), atol=1e-15)
-        np.testing.assert_allclose(vectors.length(a), np.linalg.norm(u), rtol=1e-15)
-        np.testing.assert_allclose(vectors.squared_distance(a, b), ((u - v) ** 2).sum(), rtol=1e-14)
-
-
 def test_products_of_pairs_are_those_of_numpy():
     rng = np.random.default_rng(0)
     rows, pairs = rng.normal(size=(40, 3)), rng.integers(0, 40, (900, 2)).astype(np.int32)
     first, second = rows[pairs.T]
     np.testing.assert_allclose(pair_products(rows, pairs), (first * second).sum(axis=1), rtol=0, atol=1e-14)
+
+
+def test_the_first_place_of_each_label_is_that_of_numpy():
+    labels = np.array([0, 2, 0, 1, 2, 2, 1, 3])
+    assert_array_equal(first_of_each(labels), np.unique(labels, return_index=True)[1])
+    assert len(first_of_each(labels[:0])) == 0

@@ -1,3 +1,5 @@
+"""Boundaries become smooth, and their corners stay."""
+
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy

@@ -1,3 +1,5 @@
+"""Meshes are cut along creases, and their sides meet again where their planes do."""
+
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, mean_angle, noisy

@@ -1,3 +1,5 @@
+"""Features up to a width are kept or removed, and wider ones go the other way."""
+
 from itertools import pairwise
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Vertices on the flat sides of a volume mesh slide along them alone."""
+
 import numpy as np
 import pytest
 from shapes import ball_of_voxels, cube, cubes, cylinder, grid, icosphere, noisy

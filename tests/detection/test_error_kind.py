@@ -1,15 +1,13 @@
 """The kind of error is told from meshes whose error is known."""
 
 import re
-from functools import partial
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 from shapes import cube, grid, icosphere, noisy
-from skimage.measure import marching_cubes
+from voxels import extracted, volume
 
 import cascadenorm as cn
 from cascadenorm.api.inspection import inspect
@@ -20,58 +18,10 @@ from cascadenorm.data_gen.scanning.volumes import surface_nets
 from cascadenorm.detection import error_kind as kinds
 from cascadenorm.detection.error_kind import ErrorKind, NameOfKind, correlation_length, error_kind
 from cascadenorm.detection.segmentation_steps import is_segmentation
-from cascadenorm.detection.voxel_lattice import lattice_of_grey_values, lattice_of_mask
+from cascadenorm.detection.voxel_lattice import lattice_of_mask
 from cascadenorm.io.interop import save_mesh
-from cascadenorm.mesh import Mesh
 
 BALL = icosphere(5)
-TURN = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
-
-
-def volume(shape: str, voxel, count: int = 40):
-    """Signed distances to a ball or an ellipsoid at the nodes of a lattice, positive inside."""
-    nodes = np.stack(np.meshgrid(*[np.arange(count) - count / 2 + 0.3] * 3, indexing="ij"), axis=-1) * voxel
-    axes = {"ball": (9.0, 9.0, 9.0), "egg": (9.0, 7.0, 11.0)}[shape]
-    return 8 * (1 - np.linalg.norm(nodes / np.array(axes), axis=-1))
-
-
-def extracted(values, voxel) -> Mesh:
-    vertices, faces, _, _ = marching_cubes(-values, 0.0)
-    return Mesh(vertices.astype(np.float64) * voxel, faces)
-
-
-@pytest.mark.parametrize("voxel", [(1.0, 1.0, 1.0), (0.7, 0.7, 2.1), (1.0, 1.3, 0.8)])
-@pytest.mark.parametrize("turn", [np.eye(3), TURN])
-def test_the_voxels_of_a_mask_are_found_at_any_rotation(voxel, turn):
-    mesh = extracted(np.where(volume("egg", voxel) > 0, 0.5, -0.5), voxel)
-    mesh = mesh.moved(mesh.vertices @ turn.T + 7)
-    lattice = lattice_of_mask(mesh)
-    assert lattice is not None
-    np.testing.assert_allclose(np.sort(np.linalg.norm(lattice, axis=1)), np.sort(voxel), rtol=1e-3)
-    along = np.abs(lattice @ turn) / np.linalg.norm(lattice, axis=1)[:, None]
-    np.testing.assert_allclose(np.sort(along, axis=1), [[0, 0, 1]] * 3, atol=2e-3)
-
-
-def test_vertices_in_ambiguous_cells_do_not_hide_the_voxels():
-    values = gaussian_filter(np.random.default_rng(0).normal(size=(24, 24, 24)), 0.9)
-    mesh = extracted(np.where(np.pad(values, 2, constant_values=-1) > 0.05, 0.5, -0.5), (1.0, 1.0, 3.0))
-    places = np.unique(np.round(2 * mesh.vertices / [1, 1, 3]).astype(int) % 2, axis=0)
-    assert len(places) == 4  # the middles of edges along each axis, and of cells
-    np.testing.assert_allclose(np.linalg.norm(lattice_of_mask(mesh), axis=1), (1, 1, 3), rtol=1e-3)
-
-
-@pytest.mark.parametrize("voxel", [(1.0, 1.0, 1.0), (0.7, 0.7, 1.6)])
-def test_the_voxels_of_grey_values_are_found_along_the_axes(voxel):
-    mesh = extracted(volume("egg", voxel), voxel)
-    np.testing.assert_allclose(lattice_of_grey_values(mesh), np.diag(voxel), rtol=1e-2)
-    assert lattice_of_mask(mesh) is None
-
-
-@pytest.mark.parametrize("mesh", [BALL, noisy(BALL, 0.2), grid(30, 30), cube(8)])
-def test_other_meshes_have_no_voxels(mesh):
-    mesh = mesh.moved(mesh.vertices @ TURN.T)
-    assert lattice_of_mask(mesh) is None
-    assert lattice_of_grey_values(mesh) is None
 
 
 def test_the_correlation_length_is_that_of_the_field():
@@ -183,19 +133,6 @@ def test_noise_that_is_drawn_correlated_is_not_independent():
         moved = displacements(BALL, "correlated", level=0.3, rng=rng)
         lengths.append(error_kind(BALL.moved(BALL.vertices + moved), BALL.vertices).length)
     assert np.median(lengths) > 1.2
-
-
-@pytest.mark.parametrize("extract", [surface_nets, partial(surface_nets, centered=True)])
-def test_a_segmentation_with_an_edge_of_length_zero_is_told_by_its_steps(extract):
-    """Snapping, decimation and exports with few digits collapse edges; the faces there have no normal and no bend."""
-    mesh = extract(np.where(volume("egg", (1.0, 1.0, 1.0)) > 0, 1.0, 0.0))
-    vertices, (a, b) = mesh.vertices.copy(), mesh.faces[len(mesh.faces) // 2, :2]
-    vertices[a] = vertices[b]
-    collapsed = mesh.moved(vertices)
-    assert np.count_nonzero(collapsed.areas == 0) == 2
-    assert is_segmentation(mesh) and is_segmentation(collapsed)
-    assert inspect(collapsed).error.kind == "segmentation"
-    assert np.isfinite(cn.denoise(vertices, mesh.faces)).all()
 
 
 def test_each_kind_has_its_own_description_and_is_documented():

@@ -1,11 +1,15 @@
 """Steps of a segmentation are recognised in any pose, whatever meshed them; CAD parts on a lattice are not."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from shapes import ball_of_voxels, cubes, cylinder, grid, icosphere, noisy, side_by_side
+from voxels import volume
 
 import cascadenorm as cn
+from cascadenorm.api.inspection import inspect
 from cascadenorm.data_gen.meshing.cad_tessellation import PartBuilder
 from cascadenorm.data_gen.scanning.volumes import surface_nets, volume_surface
 from cascadenorm.detection.error_kind import error_kind
@@ -82,3 +86,16 @@ def test_a_plate_with_many_equal_holes_is_no_segmentation_though_its_edges_repea
     plate = part.mesh()
     assert lattice_share(plate) > 0.9
     assert not is_segmentation(plate)
+
+
+@pytest.mark.parametrize("extract", [surface_nets, partial(surface_nets, centered=True)])
+def test_a_segmentation_with_an_edge_of_length_zero_is_told_by_its_steps(extract):
+    """Snapping, decimation and exports with few digits collapse edges; the faces there have no normal and no bend."""
+    mesh = extract(np.where(volume("egg", (1.0, 1.0, 1.0)) > 0, 1.0, 0.0))
+    vertices, (a, b) = mesh.vertices.copy(), mesh.faces[len(mesh.faces) // 2, :2]
+    vertices[a] = vertices[b]
+    collapsed = mesh.moved(vertices)
+    assert np.count_nonzero(collapsed.areas == 0) == 2
+    assert is_segmentation(mesh) and is_segmentation(collapsed)
+    assert inspect(collapsed).error.kind == "segmentation"
+    assert np.isfinite(cn.denoise(vertices, mesh.faces)).all()

@@ -1,3 +1,5 @@
+"""Steps of enlarged volumes and of rounded heights are found with their width."""
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,3 +1,5 @@
+"""A coarse copy has the topology of its mesh and carries the mesh along."""
+
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy

@@ -1,3 +1,5 @@
+"""Mean curvature is that of spheres, planes and the formula."""
+
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy

@@ -1,3 +1,5 @@
+"""A faired region solves the equation of its order, and the vertices around it keep their bits."""
+
 import numpy as np
 import pytest
 from flows import cylinder

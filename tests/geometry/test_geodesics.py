@@ -1,3 +1,5 @@
+"""Geodesic distances are near the true ones, whatever the pose, the size and the order."""
+
 import numpy as np
 import potpourri3d
 import pytest

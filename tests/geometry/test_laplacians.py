@@ -1,3 +1,5 @@
+"""Laplacians equal those of other libraries and have the properties of their definitions."""
+
 import numpy as np
 import potpourri3d
 import pytest

@@ -1,3 +1,5 @@
+"""Measures of a mesh against the truth are those of known displacements and turns."""
+
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, noisy

@@ -1,3 +1,5 @@
+"""The nearest point of a surface is that of a search through all triangles."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,3 +1,5 @@
+"""A search finds what is near along the surface, and nothing beyond."""
+
 import numpy as np
 from shapes import grid, icosphere, noisy
 

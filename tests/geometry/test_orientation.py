@@ -1,8 +1,10 @@
+"""Faces are oriented alike, closed parts outward and open ones as most of their faces."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapes import cube, grid, icosphere
+from shapes import cube, grid, icosphere, together
 
 from cascadenorm.geometry.orientation import oriented
 from cascadenorm.geometry.volume import is_closed
@@ -16,13 +18,6 @@ def flipped(mesh: Mesh, which) -> Mesh:
     faces = mesh.faces.copy()
     faces[which] = faces[which, ::-1]
     return Mesh(mesh.vertices, faces)
-
-
-def together(*meshes: Mesh) -> Mesh:
-    """Join meshes into one of several parts."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 @pytest.mark.parametrize("mesh", [BALL, SHEET, flipped(SHEET, slice(None)), cube(2), together(BALL, SHEET)])

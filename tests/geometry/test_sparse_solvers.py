@@ -1,3 +1,5 @@
+"""Direct and iterative solvers give the solution that numpy gives."""
+
 import numpy as np
 import pytest
 from scipy import sparse

@@ -1,3 +1,5 @@
+"""Clusters are connected, compact and of about the same area."""
+
 import numpy as np
 import pytest
 import scipy

@@ -1,8 +1,21 @@
-import numpy as np
-from shapes import icosphere
+"""Neighbours of vertices, edges and faces, and their connected components, are those of the definitions."""
 
-from cascadenorm.mesh import Mesh
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+from scipy import sparse
+from shapes import icosphere, noisy
+
+from cascadenorm.mesh import Mesh, connected_components
 from cascadenorm.mesh.topology_kernels import MOST_AROUND
+
+BALL = noisy(icosphere(2), 0.1)
+graphs = st.integers(1, 40).flatmap(
+    lambda count: st.tuples(st.lists(st.tuples(*[st.integers(0, count - 1)] * 2), max_size=60), st.just(count))
+)
 
 
 def row(rings, face: int) -> list[int]:
@@ -76,3 +89,55 @@ def test_forgetting_adjacent_faces_keeps_the_vertices_around_each_vertex():
     np.testing.assert_array_equal(topology.face_rings(1).indices, rings.indices)
     np.testing.assert_array_equal(topology.faces_across, across)
     np.testing.assert_array_equal(topology.face_pairs, pairs)
+
+
+def test_no_face_has_two_vertices_of_one_color():
+    rng = np.random.default_rng(0)
+    soup = rng.integers(0, 300, (800, 3)).astype(np.int32)  # repeated corners and non-manifold edges among them
+    for faces in (BALL.faces, soup):
+        topology = Mesh(np.zeros((300, 3)), faces).topology
+        color = np.full(300, -1)
+        color[topology.vertex_colors.indices] = topology.vertex_colors.rows
+        np.testing.assert_array_equal(color >= 0, topology.used_vertices)
+        assert len(topology.vertex_colors.indices) == topology.used_vertices.sum()
+        sides = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        ends = color[sides[sides[:, 0] != sides[:, 1]]]
+        assert (ends[:, 0] != ends[:, 1]).all()
+
+
+def test_edges_are_listed_once_and_in_order_whatever_the_faces():
+    for seed, (vertices, faces) in enumerate([(300, 800), (5, 60), (40, 3000), (1, 2)]):
+        rows = np.random.default_rng(seed).integers(0, vertices, (faces, 3))
+        topology = Mesh(np.zeros((vertices, 3)), rows).topology
+        sides = np.stack([rows, np.roll(rows, -1, axis=1)], axis=2)
+        expected = sorted({(min(side), max(side)) for side in sides.reshape(-1, 2).tolist()})
+        assert topology.edges.tolist() == [list(edge) for edge in expected]
+        np.testing.assert_array_equal(topology.edges[topology.face_edges], np.sort(sides, axis=2))
+
+
+@given(graphs)
+def test_components_are_those_of_scipy_in_the_order_of_first_nodes(graph):
+    links, count = np.array(graph[0], np.int64).reshape(-1, 2), graph[1]
+    matrix = sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), (count, count))
+    expected = sparse.csgraph.connected_components(matrix, directed=False)[1]
+    assert_array_equal(connected_components(links, count), expected)
+
+
+def test_without_nodes_there_are_no_components():
+    assert len(connected_components(np.empty((0, 2), np.int32), 0)) == 0
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 5)] * 3), min_size=1, max_size=12))
+def test_fans_connect_corners_at_the_ends_of_an_edge_in_faces_that_follow_each_other_there(rows):
+    topology = Mesh(np.eye(6, 3), rows).topology
+    across = np.arange(len(topology.edges)) % 3 > 0
+    for chosen in (across, None):
+        links = []
+        for edge in range(len(topology.edges)) if chosen is None else np.flatnonzero(across):
+            ends = []
+            for face, side in np.argwhere(topology.face_edges == edge):
+                corners = [(rows[face][k % 3], 3 * face + k % 3) for k in (side, side + 1)]
+                ends.append([corner for _, corner in sorted(corners, key=lambda corner: corner[0])])
+            links += [link for one, other in pairwise(ends) for link in zip(one, other, strict=True)]
+        expected = connected_components(np.array(links, np.int32).reshape(-1, 2), 3 * len(rows))
+        assert_array_equal(topology.fans(chosen), expected)

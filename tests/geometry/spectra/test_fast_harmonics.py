@@ -1,3 +1,5 @@
+"""Approximate harmonics are near the exact ones, and none has too small a value."""
+
 import numpy as np
 import pytest
 from shapes import icosphere, noisy

@@ -1,3 +1,5 @@
+"""Harmonics solve the eigenproblem of the Laplacian, each of them once."""
+
 from functools import partial
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Samples are as far apart as they can be, by distances near the true ones."""
+
 import numpy as np
 import pytest
 from reference import shortest_paths

@@ -1,26 +1,15 @@
 """Methods in patches of a mesh in memory give the result of the whole mesh."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from partitions import walls
+from patched import AGREES, BALL, EXACT, RIBBON, shuffled
 from shapes import cube, grid, icosphere, noisy
 
 import cascadenorm as cn
-from cascadenorm.api import patch_sizes
-from cascadenorm.cli import run
-from cascadenorm.geometry.neighborhoods import steps_from
-from cascadenorm.geometry.patches.cutting import Cutter
 from cascadenorm.geometry.patches.work import Patching, face_rows, working_in_patches
-from cascadenorm.io.interop import save_mesh
 from cascadenorm.learned import stage_normals
 from cascadenorm.mesh import Mesh
-
-AGREES = 1e-5  # of an edge; rounding in products of matrices, made larger by what follows
-RIBBON = noisy(grid(400, 6), 0.1, seed=4)  # without triangles so thin that rounding turns them, on any processor
-"""Much longer than a halo is wide, so that patches are parts of it."""
-BALL = noisy(icosphere(4), 0.2)
 
 
 def in_a_row(*meshes: Mesh) -> Mesh:
@@ -40,13 +29,6 @@ def many() -> Mesh:
     return Mesh(np.append(mesh.vertices * 3 + [70, 0, 0], [[900.0, 0, 0]], axis=0), mesh.faces)
 
 
-def shuffled(mesh: Mesh) -> Mesh:
-    """Return a mesh with vertices and faces in random order."""
-    rng = np.random.default_rng(0)
-    numbers = rng.permutation(len(mesh.vertices))
-    return Mesh(mesh.vertices[numbers], rng.permutation(np.argsort(numbers).astype(np.int32)[mesh.faces]))
-
-
 def with_fin() -> Mesh:
     """Return a ribbon of which some edges have three faces."""
     middle = np.flatnonzero(grid(400, 6).vertices[:, 0] == 3)[100:200]
@@ -62,17 +44,6 @@ MESHES = {
     "many components": many,
     "shuffled": lambda: shuffled(noisy(grid(700, 6), 0.1, seed=1)),
 }
-EXACT = {
-    "taubin": {"iterations": 5},
-    "laplacian": {"iterations": 3},
-    "bilateral-normal": {"iterations": 4},
-    "mean-normal": {},
-    "median-normal": {"iterations": 2},
-    "unilateral-normal": {"iterations": 3},
-    "random-walk-normal": {"iterations": 2},
-    "guided-normal": {"iterations": 2},
-}
-"""Methods of which each result is the same to the last bit, and parameters that save time."""
 
 
 def in_patches(mesh: Mesh, faces: int, *, spare: int = 0, each=map, **settings) -> tuple[np.ndarray, np.ndarray]:
@@ -173,40 +144,6 @@ def test_walls_that_regions_share_stay_shared():
     assert patches.tobytes() == whole.tobytes()
 
 
-@pytest.mark.parametrize("rings", [0, 1, 5])
-def test_patches_hold_all_within_their_halo(rings):
-    mesh = shuffled(BALL)
-    cutter = Cutter(mesh.vertices, 3)
-    owners, inside = np.zeros(len(mesh.faces), int), np.zeros(len(mesh.vertices), int)
-    for box in range(cutter.count):
-        patch = cutter.patch(mesh, box, rings, {}, None)
-        seeds = np.zeros(len(mesh.vertices), bool)
-        seeds[patch.vertex_numbers[patch.inside]] = True
-        near = steps_from(mesh.topology, seeds, rings) <= rings
-        assert (patch.vertex_numbers == np.flatnonzero(near)).all()
-        assert (patch.face_numbers == np.flatnonzero(near[mesh.faces].all(axis=1))).all()
-        assert (patch.vertex_numbers[patch.corners] == mesh.faces[patch.face_numbers]).all()
-        surrounded = steps_from(mesh.topology, ~near, 1) > 1
-        assert (patch.complete == surrounded[near]).all()
-        owners[patch.face_numbers[patch.own]] += 1
-        inside[patch.vertex_numbers[patch.inside]] += 1
-        if rings == 5:
-            narrow, faces = patch.narrowed(2)
-            again = cutter.patch(mesh, box, 2, {}, None)
-            assert (narrow.face_numbers == again.face_numbers).all() and (narrow.inside == again.inside).all()
-            assert (narrow.complete == again.complete).all() and (narrow.mesh.vertices == again.mesh.vertices).all()
-            assert (patch.face_numbers[faces] == again.face_numbers).all()
-    assert (owners == 1).all() or rings == 0  # then a face whose corners lie in several boxes is in no patch
-    assert (inside == 1).all()
-
-
-def test_boxes_hold_equally_many_vertices():
-    points = np.random.default_rng(0).normal(size=(1000, 3))
-    cutter = Cutter(points, 4)
-    assert cutter.count == 16 and set(map(len, cutter._boxes)) <= {62, 63}
-    assert (np.sort(np.concatenate(cutter._boxes)) == np.arange(1000)).all()
-
-
 def counted(patch):
     """Number of faces that can be reached within 6 rings, three times, which needs a halo as wide."""
     rings = patch.mesh.topology.face_rings(6)
@@ -220,62 +157,3 @@ def test_work_is_repeated_until_the_halo_is_wide_enough():
     with working_in_patches(Patching(700)):
         found = face_rows(BALL, counted, receptive_field=0)
     assert (found == BALL.topology.face_rings(6).counts[:, None]).all()
-
-
-FEW = {"MIN_PATCH_FACES": 900, "MAX_PATCH_FACES": 900, "PROCESS_BYTES": 0, "WHOLE_FACE_BYTES": 1, "PATCH_FACE_BYTES": 1}
-
-
-@pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    """A working directory in which a mesh of some thousand faces is large, so that 6 kB hold patches of 900 faces."""
-    monkeypatch.chdir(tmp_path)
-    for name, value in FEW.items():
-        monkeypatch.setattr(patch_sizes, name, value)
-    return tmp_path
-
-
-@pytest.mark.parametrize("suffix", ["ply", "stl", "obj", "off", "glb"])
-def test_every_format_is_denoised_in_patches(place, suffix):
-    save_mesh(place / f"scan.{suffix}", BALL)
-    given = {"method": "bilateral-normal", "parameters": {"iterations": 3}}
-    whole = cn.denoise_file(f"scan.{suffix}", f"whole.{suffix}", **given)
-    patches = cn.denoise_file(f"scan.{suffix}", f"patches.{suffix}", memory=6500, **given)
-    assert (place / f"patches.{suffix}").read_bytes() == (place / f"whole.{suffix}").read_bytes()
-    assert (patches.moved, patches.faces) == (whole.moved, whole.faces)
-
-
-def test_memory_on_the_command_line(place, capsys):
-    save_mesh(place / "scan.ply", BALL)
-    words = ["denoise", "scan.ply", "--method", "mean-normal"]
-    assert run([*words, "-o", "whole.ply"]) == run([*words, "-o", "patches.ply", "--memory", "6500 B"]) == 0
-    assert (place / "patches.ply").read_bytes() == (place / "whole.ply").read_bytes()
-    assert run([*words, "-o", "a.ply", "--memory", "5 kB"]) == 2
-    assert "memory is 5,000 bytes; 5,120 faces need at least 6,020 bytes" in capsys.readouterr().err
-    assert run([*words, "-o", "a.ply", "--memory", "much"]) == 2
-    assert "memory is 'much'; it must be an amount of memory" in capsys.readouterr().err
-    assert run(["denoise", "scan.ply", "-o", "a.ply", "--method", "fairing", "--memory", "1GB"]) == 2
-    message = capsys.readouterr().err
-    assert "fairing needs the whole mesh at once" in message and "set no limit of memory if" in message
-    assert run([*words, "-o", "a.ply", "--scheduler", "local"]) == 2
-    assert "--scheduler works on patches, which fit into the memory of a worker: pass --memory\n" in (
-        capsys.readouterr().err
-    )
-
-
-def test_a_mesh_that_does_not_fit_is_denoised_in_patches_and_that_is_said(place, capsys, monkeypatch):
-    from cascadenorm.api import api
-
-    save_mesh(place / "scan.ply", BALL)
-    monkeypatch.setattr(api, "free_memory", lambda: 8500)
-    assert run(["denoise", "scan.ply", "-o", "out.ply", "--method", "taubin"]) == 0
-    said = capsys.readouterr().err
-    assert "taubin needs about 3 MB for 5,120 faces, and 8,500 bytes are free: it is denoised in patches" in said
-
-
-def test_which_methods_work_in_patches():
-    def works(name, **given):
-        return patch_sizes.works_in_patches(cn.methods()[name], given)
-
-    assert works("auto") and works("cascade") and works("guided-normal") and all(map(works, EXACT))
-    assert not works("guided-normal", fit="least-squares") and not works("bilateral-normal", fit="least-squares")
-    assert not works("laplacian", scheme="implicit") and not works("fairing") and not works("tv-normal")

@@ -1,35 +1,22 @@
-import io
+"""An inspection tells what a mesh is, what is wrong with it, its noise, and what has become worse."""
+
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from partitions import walls
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy, together
 
 import cascadenorm as cn
-from cascadenorm.api.inspection import FINDINGS, Found, Inspection, inspect, noise_level
-from cascadenorm.api.inspection.crossings import crossing_faces
-from cascadenorm.api.inspection.source import taken
+from cascadenorm.api.inspection import Found, Inspection, inspect, noise_level
+from cascadenorm.api.inspection.inspection import new_faults, surface_faults
 from cascadenorm.cli import run
-from cascadenorm.cli.tables import counted
-from cascadenorm.data_gen.families import SHAPE_FAMILIES
+from cascadenorm.cli.tables import print_new_faults
 from cascadenorm.detection.error_kind import LEAST_ERROR
-from cascadenorm.detection.noise_level import local_noise
-from cascadenorm.io import from_arrays
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
 BALL = icosphere(2)
-ROUGH = noisy(BALL, 0.2)
-
-
-def together(*meshes: Mesh) -> Mesh:
-    """Join meshes into one of several parts."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def without(mesh: Mesh, faces) -> Mesh:
@@ -92,13 +79,6 @@ def test_resolution_of_the_number_type(offset, kind, coarse):
 # what is wrong with it
 
 
-def only(mesh: Mesh, name: str) -> Found:
-    """The one kind of thing that is found."""
-    findings = inspect(mesh).findings
-    assert list(findings) == [name]
-    return findings[name]
-
-
 def test_bad_indices_vertices_and_corners_are_reported_rather_than_refused():
     vertices = BALL.vertices.copy()
     vertices[[3, 5], [0, 2]] = np.nan, np.inf
@@ -124,51 +104,6 @@ def test_meshes_that_are_none_are_reported():
         inspect([1.0, 2.0], [[0, 1, 2]])
 
 
-def test_an_edge_of_three_faces():
-    fin = Mesh(
-        np.concatenate([grid(4, 4).vertices, [[1.5, 1.5, 1]]]), np.concatenate([grid(4, 4).faces, [[6, 12, 25]]])
-    )
-    assert only(fin, "non_manifold_edges") == Found(1, ((6, 12),))
-
-
-def test_a_vertex_where_two_surfaces_meet():
-    two = together(BALL, BALL.moved(BALL.vertices + np.array([2, 0, 0])))
-    right, left = np.argmax(BALL.vertices[:, 0]), 162 + np.argmin(BALL.vertices[:, 0])
-    pinched = Mesh(two.vertices, np.where(two.faces == left, right, two.faces))
-    findings = inspect(pinched).findings
-    assert findings["non_manifold_vertices"] == Found(1, (right,))
-    assert set(findings) == {"non_manifold_vertices", "unreferenced", "duplicate_vertices"}
-    assert inspect(pinched).genus is None
-
-
-def test_flipped_faces_and_parts_that_are_inside_out():
-    faces = BALL.faces.copy()
-    faces[40] = faces[40, ::-1]
-    found = only(Mesh(BALL.vertices, faces), "flipped_edges")
-    assert found.count == 3 and {v for edge in found.first for v in edge} == set(faces[40].tolist())
-    two = together(BALL.moved(BALL.vertices * 3), BALL)
-    cavity = Mesh(two.vertices, np.concatenate([two.faces[:320], two.faces[320:, ::-1]]))
-    assert only(cavity, "inside_out") == Found(1, (320,))
-    assert inspect(cavity).volume == pytest.approx(26 * BALL.volume)
-
-
-def test_faces_without_area_and_slivers():
-    vertices = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0.019, 0], [1, 0.021, 0], [1, 1e-14, 1e-14]]
-    found = inspect(np.array(vertices), [[0, 2, 3], [0, 2, 4], [0, 1, 2], [0, 2, 5]])
-    assert found.findings["slivers"] == Found(1, (0,))
-    assert found.findings["zero_area"] == Found(2, (2, 3))
-
-
-def test_a_file_with_other_positions_shares_the_connectivity():
-    mesh = noisy(icosphere(2), 0.1)
-    file = from_arrays(mesh.vertices, mesh.faces)
-    moved = file.with_vertices(1.5 * file.mesh.vertices)
-    before, after = (taken(one, None).mesh for one in (file, moved))
-    assert before is not None and after is not None and before.topology is after.topology
-    alone = inspect(moved.mesh.vertices, moved.mesh.faces)
-    assert replace(inspect(moved), source=alone.source) == alone
-
-
 def test_copies_of_faces_and_vertices():
     faces = np.concatenate([BALL.faces, BALL.faces[4:5, [1, 2, 0]], BALL.faces[9:10, ::-1]])
     assert inspect(BALL.vertices, faces).findings["duplicate_faces"] == Found(2, (320, 321))
@@ -177,75 +112,12 @@ def test_copies_of_faces_and_vertices():
     assert soup.parts == 320 and "crossing_faces" not in soup.findings
 
 
-@pytest.mark.parametrize("shift", [(1.0, 0, 0), (0.3, 0.5, 0.7)])
-def test_balls_that_overlap_cross_along_a_curve(shift):
-    two = together(icosphere(3), icosphere(3).moved(icosphere(3).vertices + shift))
-    crossing = crossing_faces(two)
-    heights = np.linalg.norm(two.corners - shift, axis=2) * np.linalg.norm(two.corners, axis=2)
-    near = (heights.min(axis=1) < 1) & (heights.max(axis=1) > 1)  # on the curve both distances are 1
-    assert crossing[:1280].sum() > 30 and crossing[1280:].sum() > 30
-    assert not crossing[np.abs(heights - 1).min(axis=1) > 0.4].any()
-    assert near[crossing].mean() > 0.9
-
-
-def test_triangles_cross_or_touch():
-    flat = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-    cases = {
-        "through the middle": ([[0.2, 0.2, -1], [0.3, 0.2, 1], [0.3, 0.3, 1]], True),
-        "a side through a side": ([[0.5, 0, -1], [0.5, 0, 1], [0.5, -1, 0]], True),
-        "a corner on the face": ([[0.2, 0.2, 0], [0.3, 0.2, 1], [0.3, 0.3, 1]], False),
-        "in one plane": ([[0.1, 0.1, 0], [0.9, 0.2, 0], [0.2, 0.9, 0]], False),
-        "beside": ([[2, 0, -1], [2, 0, 1], [2, 1, 0]], False),
-        "a shared corner only": ([[0, 0, 0], [-1, 0, 1], [0, -1, 1]], False),
-        "a shared corner and through": ([[0, 0, 0], [0.5, 0.4, -1], [0.5, 0.4, 1]], True),
-    }
-    for name, (other, cross) in cases.items():
-        mesh = Mesh(np.array(flat + other, float), [[0, 1, 2], [3, 4, 5]])
-        for scale in (1.0, 1e-6):
-            found = crossing_faces(mesh.moved(mesh.vertices * scale))
-            assert found.tolist() == [cross, cross], name
-
-
 def test_crossings_are_looked_for_where_asked_or_where_it_is_quick(monkeypatch):
     monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 319)
     assert inspect(BALL).crossing_faces is None
     assert inspect(BALL, self_intersections=True).crossing_faces == Found(0, ())
     monkeypatch.undo()
     assert inspect(BALL, self_intersections=False).crossing_faces is None
-
-
-# noise
-
-SHAPES = {
-    "sphere": lambda: icosphere(4),
-    "cube": lambda: cube(20),
-    "sheet": lambda: grid(30, 30),
-    "creature": lambda: SHAPE_FAMILIES["creature"].make(faces=5000, rng=np.random.default_rng(0)).clean,
-    "assembly": lambda: SHAPE_FAMILIES["assembly"].make(faces=5000, rng=np.random.default_rng(0)).clean,
-}
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_noise_is_estimated_within_a_quarter(name):
-    shape = SHAPES[name]()
-    assert noise_level(shape) < 0.02
-    for level in (0.05, 0.1, 0.2, 0.35, 0.5):
-        rough = noisy(shape, level, seed=1)
-        estimate = noise_level(rough) * rough.mean_edge_length / shape.mean_edge_length
-        assert estimate == pytest.approx(level, rel=0.25)
-
-
-def test_noise_on_a_plane_is_right_within_its_scatter():
-    sheet = grid(100, 100)
-    heights = np.zeros_like(sheet.vertices)
-    heights[:, 2] = np.random.default_rng(0).normal(scale=0.01, size=len(heights))
-    rough = sheet.moved(sheet.vertices + heights)
-    assert noise_level(rough) * rough.mean_edge_length == pytest.approx(0.01, rel=0.03)
-
-
-def test_noise_needs_edges_away_from_the_boundary():
-    assert noise_level(grid(3, 3)) is None
-    assert inspect([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).noise is None
 
 
 def test_an_error_that_auto_finds_is_the_noise_of_a_mesh_with_too_few_interior_edges():
@@ -266,35 +138,6 @@ def test_separate_flat_sheets_have_no_steps_and_no_noise():
 # files, kinds of meshes, and the command
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 nan\nf 1 2 4 3\nf 1 2 9\nf 1 1 2\n"
-
-
-def test_places_are_counted_as_the_file_counts():
-    found = inspect(io.BytesIO(OBJ))
-    assert (found.vertices, found.faces, found.counts_from) == (5, 4, 1)
-    assert found.findings == {
-        "bad_indices": Found(1, (2,)),
-        "not_finite": Found(1, (5,)),
-        "repeated_corners": Found(1, (3,)),
-        "unreferenced": Found(1, (5,)),
-    }
-
-
-def test_copies_at_seams_are_joined_and_counted(tmp_path):
-    save_mesh(tmp_path / "ball.stl", BALL)
-    found = inspect(tmp_path / "ball.stl")
-    assert (found.vertices, found.file_vertices, found.number_type) == (162, 960, "float32")
-    assert found.closed and found.findings == {}
-
-
-def test_every_kind_of_mesh_says_the_same(tmp_path):
-    save_mesh(tmp_path / "rough.ply", ROUGH)
-    own = inspect(ROUGH)
-    for other in (
-        inspect(ROUGH.vertices, ROUGH.faces),
-        inspect(trimesh.Trimesh(ROUGH.vertices, ROUGH.faces, process=False)),
-        inspect(tmp_path / "rough.ply"),
-    ):
-        assert {**vars(other), "source": own.source} == vars(own)
 
 
 def test_the_command_speaks_plainly(tmp_path, capsys):
@@ -360,14 +203,6 @@ def test_an_outlier_that_auto_removes_is_a_finding_though_the_error_is_insignifi
     assert moved.argmax() == 4321 and moved.max() > 0.3 * ball.mean_edge_length
 
 
-def test_every_finding_can_be_said_of_one_and_of_several():
-    found = inspect(BALL)
-    names = {name for name in Inspection.__dataclass_fields__ if isinstance(getattr(found, name), Found)}
-    assert set(FINDINGS) == names
-    for one, several in FINDINGS.values():
-        assert one != several and counted(1, one, several) == f"1 {one}" and counted(0, one, several) == f"0 {several}"
-
-
 def test_the_json_holds_every_field(tmp_path, capsys):
     (tmp_path / "bad.obj").write_bytes(OBJ)
     assert run(["inspect", str(tmp_path / "bad.obj"), "--json"]) == 0
@@ -383,13 +218,6 @@ def test_a_mesh_at_one_point_has_no_noise_to_tell():
     assert found.noise is None and found.mean_edge_length == 0
 
 
-def test_noise_is_that_of_the_mesh_where_a_few_vertices_lie_at_one_place():
-    mesh = noisy(icosphere(4), 0.2)
-    vertices = mesh.vertices.copy()
-    vertices[mesh.topology.vertex_neighbors.row(100)] = vertices[100]
-    assert noise_level(mesh.moved(vertices)) == pytest.approx(noise_level(mesh), rel=0.05)
-
-
 def test_a_length_beyond_all_numbers_is_none_in_json(capsys, tmp_path):
     (tmp_path / "large.obj").write_text(
         "v -1.7e308 -1.7e308 -1.7e308\nv 1.7e308 1.7e308 1.7e308\nv 1.7e308 -1.7e308 1.7e308\nf 1 2 3\n"
@@ -397,31 +225,6 @@ def test_a_length_beyond_all_numbers_is_none_in_json(capsys, tmp_path):
     assert run(["inspect", str(tmp_path / "large.obj"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert found["mean_edge_length"] is None and found["resolution"] is None
-
-
-def test_a_polygon_counts_once(tmp_path):
-    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nf 1 2 3 4\nf 1 2 5\n")
-    assert inspect(tmp_path / "flat.obj").zero_area == Found(1, (1,))
-
-
-# noise, place by place
-
-
-def test_local_noise_is_as_strong_as_the_noise_there():
-    ball = icosphere(5)
-    level = np.where(ball.vertices[:, 2] > 0, 0.05, 0.3)
-    heights = np.random.default_rng(0).normal(size=len(level)) * level * ball.mean_edge_length
-    local = local_noise(ball.moved(ball.vertices * (1 + heights[:, None])))
-    for above, strength in ((ball.vertices[:, 2] > 0.2, 0.05), (ball.vertices[:, 2] < -0.2, 0.3)):
-        assert np.sqrt(np.square(local[above]).mean()) == pytest.approx(strength, rel=0.15)
-
-
-def test_local_noise_is_none_of_a_clean_plane_and_unknown_at_its_boundary():
-    local = local_noise(grid(6, 6))
-    known = ~np.isnan(local)
-    np.testing.assert_allclose(local[known], 0, atol=1e-12)
-    assert known.reshape(7, 7)[3, 3] and not known.reshape(7, 7)[0, 6]
-    assert np.isnan(local_noise(grid(1, 1))).all()
 
 
 @pytest.fixture(scope="module")
@@ -475,3 +278,113 @@ def test_regions_that_share_walls_are_treated_as_their_surfaces_are():
 
 def test_denoise_tells_no_error_if_nothing_is_to_move(rough, tmp_path):
     assert cn.denoise_file(rough[0], tmp_path / "out.ply", strength=0).error is None
+
+
+# what has become worse
+
+FINE = icosphere(3)
+
+
+def test_smooth_surfaces_and_corners_have_none():
+    for mesh in (FINE, cube(4), noisy(FINE, 0.1)):
+        assert surface_faults(mesh) == {"crossing_faces": 0, "spikes": 0, "folded_edges": 0}
+
+
+def test_the_report_counts_faces_that_cross_although_nothing_folds(tmp_path, monkeypatch, capsys):
+    """Of two balls, one inside the other, the coarse outer one shrinks faster and cuts through the inner one."""
+    monkeypatch.chdir(tmp_path)
+    outer, inner = icosphere(1), icosphere(3)
+    faces = np.concatenate([outer.faces, inner.faces + len(outer.vertices)])
+    save_mesh(tmp_path / "balls.ply", Mesh(np.concatenate([outer.vertices, 0.9 * inner.vertices]), faces))
+    words = ["denoise", "balls.ply", "--method", "laplacian", "--set", "iterations=1", "--force"]
+    assert run([*words, "--report", "report.html"]) == 0
+    assert "the result has" not in capsys.readouterr().err  # the search takes too long for every mesh
+    after = cn.inspect("balls_denoised.ply").crossing_faces.count
+    assert after > 0
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    tile = page[page.index("Self-intersecting faces") :][:400]
+    assert f"{after}<" in tile
+    assert "vertices; folded edges: 0\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}0" in page
+    assert "edges folded by more than 90°" in page
+
+
+def test_only_what_became_more_is_said(capsys, monkeypatch):
+    def folded(angle: float) -> Mesh:
+        turn = np.radians(angle)
+        return Mesh([(0, 0, 0), (0, 1, 0), (-1, 0, 0), (np.cos(turn), 0, np.sin(turn))], [(0, 1, 2), (3, 1, 0)])
+
+    assert new_faults(folded(10), folded(120)) == {"folded_edges": (0, 1)}
+    print_new_faults({"spikes": (0, 1), "folded_edges": (3, 5)})
+    assert "the result has 1 spike (0 before), 5 edges folded by more than 90° (3 before)\n" in capsys.readouterr().err
+    for before, after in ((folded(120), folded(130)), (folded(120), folded(10))):
+        assert new_faults(before, after) == {}
+    print_new_faults({})
+    assert capsys.readouterr().err == ""
+
+
+def test_faces_that_cross_are_counted_where_the_result_has_new_folds(monkeypatch):
+    def with_fin(angle: float) -> Mesh:
+        """A sheet, and a triangle above it that turns about an edge of another one until it cuts the sheet."""
+        turn = np.radians(angle)
+        sheet = [(-2, -1, -0.5), (2, -1, -0.5), (0, 3, -0.5)]
+        hinge = [(0, 0, 0), (0, 1, 0), (-1, 0, 0), (np.cos(turn), 0, -np.sin(turn))]
+        return Mesh(np.array(sheet + hinge, float), [(0, 1, 2), (3, 4, 5), (6, 4, 3)])
+
+    assert new_faults(with_fin(10), with_fin(100)) == {"crossing_faces": (0, 2), "folded_edges": (0, 1)}
+    monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 1)
+    assert new_faults(with_fin(10), with_fin(100)) == {"folded_edges": (0, 1)}
+
+
+def test_denoise_counts_them_before_and_after(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    vertices = FINE.vertices.copy()
+    vertices[7] *= 1.6
+    vertices[100] *= -1.5  # through the other side
+    save_mesh(tmp_path / "ball.ply", Mesh(vertices, FINE.faces))
+    words = [
+        "denoise",
+        "ball.ply",
+        "-o",
+        "out.ply",
+        "--method",
+        "laplacian",
+        "--set",
+        "iterations=100",
+        "--json",
+        "--force",
+    ]
+    assert run(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    found = cn.inspect("ball.ply")
+    assert told["spikes"] == {"before": 2, "after": 0} and found.spikes.count == 2
+    assert told["crossing_faces"]["before"] == found.crossing_faces.count > 0 == told["crossing_faces"]["after"]
+    monkeypatch.setattr("cascadenorm.api.inspection.inspection.MOST_FACES_CROSSED", 10)
+    assert run(words) == 0
+    assert json.loads(capsys.readouterr().out)["crossing_faces"] == {"before": None, "after": None}
+
+
+def test_faults_are_those_of_the_mesh_that_is_denoised(tmp_path, monkeypatch, capsys):
+    """Back faces are no further faces that cross, and faces that repeat a vertex hide no spike."""
+    monkeypatch.chdir(tmp_path)
+    vertices = FINE.vertices.copy()
+    vertices[100] *= -1.5  # through the other side
+    ring = FINE.faces[(FINE.faces == 100).any(axis=1)]
+    expected = surface_faults(Mesh(vertices, FINE.faces))
+    assert expected["crossing_faces"] > 0 and expected["spikes"] > 0
+    lines = [(face[0], face[1], face[1]) for face in ring]
+    save_mesh(tmp_path / "ball.ply", Mesh(vertices, [*FINE.faces, *ring[:, ::-1], *lines]))
+    words = ["denoise", "ball.ply", "-o", "out.ply", "--on-bad", "isolate", "--strength", "0", "--json", "--force"]
+    assert run(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {name: told[name] for name in expected} == {n: {"before": k, "after": k} for n, k in expected.items()}
+    assert cn.inspect("ball.ply").crossing_faces.count == expected["crossing_faces"]
+
+
+def test_spikes_and_folds_of_a_mesh_with_back_faces_are_those_of_its_front():
+    front = noisy(FINE, 0.7)
+    both = Mesh(front.vertices, [*front.faces, *front.faces[:, ::-1]])
+    found, expected = cn.inspect(both), cn.inspect(front)
+    assert expected.spikes.count > 0 and expected.folded_edges > 0
+    assert (found.spikes, found.folded_edges) == (expected.spikes, expected.folded_edges)
+    faults = surface_faults(both)
+    assert (faults["spikes"], faults["folded_edges"]) == (expected.spikes.count, expected.folded_edges)
