@@ -1,3 +1,5 @@
+"""Errors name the setting at fault and the way out, in every spelling."""
+
 import copy
 import inspect
 import pickle

@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from cascadenorm.batch import cluster_processes
 from cascadenorm.batch.batch import denoise_files
 from cascadenorm.cli import run
 from cascadenorm.errors import WorkerError
-from cascadenorm.execution.cluster import dask_client
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
 
@@ -53,25 +51,6 @@ def test_workers_killed_at_random_moments_change_no_byte_and_nothing_is_done_twi
     assert len(results(place / "out")) == count
     assert results(place / "out") == results(place / "undisturbed")
     assert of_batch(place / "out") == of_batch(place / "undisturbed")
-
-
-@LINUX
-@pytest.mark.slow  # it waits for the moment at which Dask looks whether a lost worker has come back
-def test_a_worker_that_is_lost_twice_is_restarted_twice():
-    with dask_client("local", workers=1, threads=1, memory=2**30) as client:
-
-        def kill() -> None:
-            (process,) = client.run(os.getpid).values()
-            os.kill(process, signal.SIGKILL)
-
-        kill()
-        time.sleep(5)
-        client.wait_for_workers(1)
-        time.sleep(9.6)
-        kill()
-        time.sleep(1)
-        client.wait_for_workers(1)
-        assert client.submit(sum, [1, 2], pure=False).result() == 3
 
 
 @LINUX

@@ -1,17 +1,14 @@
-"""The manifest of a batch, and the digest of its settings."""
+"""The manifest of a batch has whole lines alone, and another file is not taken for one."""
 
 import errno
 import io
 import json
 import os
 
-import numpy as np
 import pytest
 
 from cascadenorm.batch.manifest import MANIFEST_NAME, REQUIRED, Manifest
-from cascadenorm.batch.work import batch_settings
-from cascadenorm.errors import OutputError, ParameterError
-from cascadenorm.registry import find
+from cascadenorm.errors import OutputError
 
 
 def line(output):
@@ -68,27 +65,3 @@ def test_another_file_is_not_continued_as_a_manifest(tmp_path, content):
     assert path.read_text("utf-8") == content
     path.write_text('{"output": "a", "sta', "utf-8")
     Manifest(path).close()
-
-
-def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path):
-    mask = tmp_path / "mask.npy"
-    np.save(mask, np.ones(4))
-
-    usual = find("laplacian").settings["iterations"].default
-
-    def key(method="laplacian", parameters=None, **controls):
-        return batch_settings(method, parameters or {}, controls, None, force=False)[0].key
-
-    assert key() == key(threads=1) == key(strength=1.0) == key(parameters={"iterations": usual})
-    first = key(mask=str(mask))
-    np.save(mask, np.zeros(4))
-    others = [key("taubin"), key(parameters={"iterations": usual + 1}), key(strength=0.5), first, key(mask=str(mask))]
-    assert len({key(), *others}) == 6
-    with pytest.raises(ParameterError, match="cannot be read"):
-        key("auto", {"model": tmp_path / "none.safetensors"})
-
-
-def test_a_list_of_vertices_may_be_longer_than_a_file_name():
-    fixed = ",".join(map(str, range(100)))
-    settings, *_ = batch_settings("laplacian", {}, {"fixed": fixed}, None, force=False)
-    assert settings.controls["fixed"] == fixed

@@ -1,17 +1,15 @@
-"""The work of a process on one file, and processes that do it."""
+"""The settings of a batch have a digest of all that a result depends on; the work on a file checks it first."""
 
-from contextlib import closing
-
-from batches import BALL, job, scans
+import numpy as np
+import pytest
+from batches import BALL, scans
 from shapes import noisy
 
 from cascadenorm.batch.inputs import Job
-from cascadenorm.batch.processes import LocalProcesses
-from cascadenorm.batch.scheduling import Place
-from cascadenorm.batch.work import Outcome, Task, batch_settings, work
-from cascadenorm.errors import WorkerError
-from cascadenorm.execution.memory import PROCESS_BYTES
+from cascadenorm.batch.work import Task, batch_settings, work
+from cascadenorm.errors import ParameterError
 from cascadenorm.io.interop import save_mesh
+from cascadenorm.registry import find
 
 
 def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
@@ -31,30 +29,25 @@ def test_a_file_that_changes_while_it_is_read_is_tried_again(place):
     assert str(missing.error) == "a/1.ply does not exist: check the name"
 
 
-class OfLibrary(Exception):
-    """An error that cannot be made again from its text, as that of lxml."""
+def test_the_digest_of_the_settings_is_of_all_that_a_result_depends_on(tmp_path):
+    mask = tmp_path / "mask.npy"
+    np.save(mask, np.ones(4))
 
-    def __init__(self, line: int, column: int) -> None:
-        super().__init__(f"line {line}, column {column}")
+    usual = find("laplacian").settings["iterations"].default
+
+    def key(method="laplacian", parameters=None, **controls):
+        return batch_settings(method, parameters or {}, controls, None, force=False)[0].key
+
+    assert key() == key(threads=1) == key(strength=1.0) == key(parameters={"iterations": usual})
+    first = key(mask=str(mask))
+    np.save(mask, np.zeros(4))
+    others = [key("taubin"), key(parameters={"iterations": usual + 1}), key(strength=0.5), first, key(mask=str(mask))]
+    assert len({key(), *others}) == 6
+    with pytest.raises(ParameterError, match="cannot be read"):
+        key("auto", {"model": tmp_path / "none.safetensors"})
 
 
-def answer(task: Task) -> Outcome:
-    """An outcome that cannot be read where it arrives, for one file."""
-    return Outcome(status="failed", error=OfLibrary(3, 4)) if task.job.source == "odd" else Outcome(status="kept")
-
-
-def test_a_process_whose_outcome_cannot_be_read_is_stopped_and_the_others_go_on():
-    tasks = [Task(job(1, name), None) for name in ("odd", "even")]
-    with closing(LocalProcesses(answer, Place(2, PROCESS_BYTES, processes=2))) as processes:
-        for task in tasks:
-            processes.begin(processes.places[0], task, 1)
-        begun = [worker._process for worker in processes._busy.values()]
-        found = {}
-        while len(found) < 2:
-            found |= dict(processes.ended(60))
-        assert found[tasks[1].job] == Outcome(status="kept")
-        assert isinstance(found[tasks[0].job], WorkerError) and "cannot be read: TypeError" in str(found[tasks[0].job])
-        assert [process.is_alive() for process in begun] == [False, True]
-        processes.begin(processes.places[0], tasks[1], 1)
-        assert processes.ended(60) == [(tasks[1].job, Outcome(status="kept"))]
-    assert not begun[1].is_alive()
+def test_a_list_of_vertices_may_be_longer_than_a_file_name():
+    fixed = ",".join(map(str, range(100)))
+    settings, *_ = batch_settings("laplacian", {}, {"fixed": fixed}, None, force=False)
+    assert settings.controls["fixed"] == fixed

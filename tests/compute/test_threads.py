@@ -1,3 +1,5 @@
+"""Kernels and libraries run on as many threads as are asked for, and results come in order."""
+
 import os
 import subprocess
 import sys

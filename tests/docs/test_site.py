@@ -179,7 +179,7 @@ ROOT = DOCS.parent
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "how-to").glob("*.md"))]
 WITH_COMMANDS = [page for page in PAGES if "cascadenorm " in "".join(blocks(page.read_text(encoding="utf-8"), "bash"))]
 ELSEWHERE = {
-    r"train |generate ": "takes minutes to hours: test_models.py and test_evaluated_pairs.py do so with less data",
+    r"train |generate ": "takes minutes to hours: test_models.py and test_training_pairs.py do so with less data",
     r"studio ": "serves until its page is closed: test_studio.py",
     r"batch .*--watch": "runs until it is interrupted: test_watching.py",
     r"evaluate --dataset \S+ --from": "needs a copy of a public set: test_public_sets.py makes one",

@@ -10,15 +10,15 @@ import pytest
 from evaluated import COPY, SHAPES, python
 from shapes import icosphere, noisy
 
+import cascadenorm as cn
 from cascadenorm.errors import MissingDependencyError, ParameterError
-from cascadenorm.evaluation import harness, runs
+from cascadenorm.evaluation import harness, runs, tables
 from cascadenorm.evaluation.harness import NOISY, evaluate
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.io import ReadError
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.io.pairs import find_pairs
 from cascadenorm.learned.methods import shipped
-from cascadenorm.registry import methods as registry
 
 
 def test_measures_are_those_of_the_denoised_mesh(folder):
@@ -44,16 +44,6 @@ def test_means_are_over_the_pairs(folder):
 def test_one_folder_and_one_method_need_no_list(folder):
     done = evaluate(str(folder / "ball"), methods="laplacian")
     assert [(r.pair, r.method) for r in done.results] == [("ball", NOISY), ("ball", "laplacian")]
-
-
-def test_a_method_without_memory_is_listed_and_the_rest_goes_on(folder, monkeypatch):
-    def hungry(mesh):
-        np.empty(2**60)
-
-    monkeypatch.setitem(registry._methods, "hungry", registry.Method("hungry", hungry, "", {}))
-    done = evaluate(folder, methods=["hungry", "laplacian"])
-    assert [r.method for r in done.results] == [NOISY, "laplacian"] * 2
-    assert [(f.pair, f.method) for f in done.failures] == [("ball", "hungry"), ("cube", "hungry")]
 
 
 def test_progress_counts_all_parts_once(folder):
@@ -184,16 +174,6 @@ def test_pairs_that_cannot_be_read_are_listed_and_the_rest_goes_on(folder, tmp_p
         assert {result.pair.partition("-seed")[0] for result in done.results} == set(SHAPES)
 
 
-def test_whatever_a_method_ends_in_is_listed(folder, monkeypatch):
-    def broken(mesh):
-        return mesh.vertices[len(mesh.vertices)]
-
-    monkeypatch.setitem(registry._methods, "broken", registry.Method("broken", broken, "", {}))
-    done = evaluate(folder / "ball", methods=["broken", "laplacian"])
-    assert [(f.method, type(f.error)) for f in done.failures] == [("broken", IndexError)]
-    assert [result.method for result in done.results] == [NOISY, "laplacian"]
-
-
 def test_processes_measure_the_same(folder):
     settings = {"methods": ["laplacian", "taubin"], "commands": {"copy": python(COPY)}}
     one, two = (evaluate(folder, workers=workers, **settings) for workers in (1, 2))
@@ -201,3 +181,50 @@ def test_processes_measure_the_same(folder):
     assert [(result.pair, result.method, result.measures) for result in two.results] == key
     with pytest.raises(ParameterError, match="workers is 0"):
         evaluate(folder, methods=[], workers=0)
+
+
+def test_pairs_from_several_places_that_have_one_name_are_refused(folder):
+    (ball, cube) = find_pairs(folder)
+    for given in ([cube._replace(name="ball"), ball], [cube._replace(name="ball"), folder]):
+        with pytest.raises(ReadError, match="2 pairs are named ball: rename one"):
+            evaluate(given, methods=[])
+
+
+def test_noise_from_seeds_replaces_the_noisy_meshes_and_the_spread_is_told(folder, tmp_path):
+    done = evaluate(folder, methods="bilateral-normal", noise=0.2, seeds=3, keep=tmp_path)
+    assert [pair.name for pair in done.pairs][:3] == ["ball-seed0", "ball-seed1", "ball-seed2"]
+    clean = SHAPES["ball"]
+    made = [cn.read(pair.noisy).mesh for pair in done.pairs[:3]]
+    offsets = [np.einsum("ij,ij->i", mesh.vertices - clean.vertices, clean.vertex_normals) for mesh in made]
+    for offset in offsets:
+        assert offset.std() == pytest.approx(0.2 * clean.mean_edge_length, rel=0.15)
+    assert abs(np.corrcoef(offsets)[0, 1]) < 0.3
+    means = [
+        np.mean([one.measures.normal_error_deg for one in done.results if one.method == "bilateral-normal"
+                 and done.seeds[one.pair] == seed])
+        for seed in range(3)
+    ]  # fmt: skip
+    table = tables.all_tables(done)[-1]
+    assert table.title == "Mean ± standard deviation over 3 seeds"
+    assert table.rows[1][:2] == (
+        ("bilateral-normal", False),
+        (f"{np.mean(means):.3f} ± {np.std(means, ddof=1):.3f}", False),
+    )
+    assert "$\\pm$" in tables.latex([table])
+    again = evaluate(folder, methods="bilateral-normal", noise=0.2, seeds=1)
+    assert again.results[1].measures == done.results[1].measures
+    assert len(tables.all_tables(again)) == 2
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"noise": -1.0}, "noise is -1.0; it must be at least 0"),
+        ({"noise": float("nan")}, "noise is nan; it must be at least 0"),
+        ({"seeds": 3}, "seeds is 3; it must be 1 without noise"),
+        ({"noise": 0.1, "seeds": 0}, "seeds is 0; it must be at least 1"),
+    ],
+)
+def test_noise_and_seeds_out_of_range_are_refused(folder, wrong, words):
+    with pytest.raises(ParameterError, match=words):
+        evaluate(folder, methods="bilateral-normal", **wrong)

@@ -15,7 +15,6 @@ from cascadenorm.batch.work import batch_settings
 from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError
 from cascadenorm.evaluation.harness import evaluate
-from cascadenorm.io.digests import source_digest
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.registry import Parameter
 from cascadenorm.registry import methods as registry
@@ -108,17 +107,6 @@ def test_a_method_of_ones_own_is_run_again_when_its_source_has_changed(folder, t
     assert same == first
     after = measured(1.5) if changed == "own_helper" else measured(1.0, METHOD.replace("* FACTOR", "* 1.5"))
     assert after[0] > first[0] and after[1] != first[1]
-
-
-def test_a_function_without_a_file_is_known_by_its_code():
-    def made(text):
-        names = {"__name__": "no_module"}
-        exec(text, names)
-        return source_digest(names["smoothed"])
-
-    code = "def helper(x):\n    return {} * x\ndef smoothed(x):\n    return helper(x)\n"
-    assert made(code.format(2)) == made("\n\n" + code.format(2)) != made(code.format(3))
-    assert source_digest(evaluate) == ""  # of this package, which has a version
 
 
 def test_a_killed_evaluation_goes_on(folder, tmp_path):

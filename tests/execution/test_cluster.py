@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from cascadenorm.cli import run
 from cascadenorm.errors import ParameterError, WorkerError
 from cascadenorm.evaluation.harness import evaluate
 from cascadenorm.execution import cluster as dask_cluster
-from cascadenorm.execution.cluster import on_cluster
+from cascadenorm.execution.cluster import dask_client, on_cluster
 from cascadenorm.io.interop import save_mesh
 
 LocalCluster = pytest.importorskip("distributed").LocalCluster
@@ -165,3 +166,22 @@ def test_ctrl_c_ends_a_cluster_of_this_machine(tmp_path):
         _, said = process.communicate()
     assert process.returncode == 130 and said == "cascadenorm: interrupted; no file was left half written\n"
     wait_for(lambda: not any(map(running, workers)))
+
+
+@LINUX
+@pytest.mark.slow  # it waits for the moment at which Dask looks whether a lost worker has come back
+def test_a_worker_that_is_lost_twice_is_restarted_twice():
+    with dask_client("local", workers=1, threads=1, memory=2**30) as client:
+
+        def kill() -> None:
+            (process,) = client.run(os.getpid).values()
+            os.kill(process, signal.SIGKILL)
+
+        kill()
+        time.sleep(5)
+        client.wait_for_workers(1)
+        time.sleep(9.6)
+        kill()
+        time.sleep(1)
+        client.wait_for_workers(1)
+        assert client.submit(sum, [1, 2], pure=False).result() == 3

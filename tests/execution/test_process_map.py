@@ -1,3 +1,5 @@
+"""Processes give results in order, and end with the process that started them."""
+
 import os
 import signal
 import subprocess

@@ -1,3 +1,5 @@
+"""Methods report the share of their work that is done."""
+
 import pytest
 from shapes import icosphere, noisy
 
