@@ -6,73 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from holed_ball import BALL, COUNT, FACES, FILLED, HOLED, SIDE, filled, ply_binary, ply_text
 from shapes import grid, icosphere, noisy
 
 import cascadenorm as cn
 from cascadenorm.api.filled_files import fill_holes_file
 from cascadenorm.cli import run
-from cascadenorm.geometry.holes.filling import fill_holes
 from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS
 from cascadenorm.io.gltf.gltf import GltfFile
 from cascadenorm.io.hole_patches import HolePatches
 from cascadenorm.io.interop import as_mesh, save_mesh
 from cascadenorm.io.ply.ply import PlyFile
-from cascadenorm.mesh import Mesh
 from cascadenorm.mesh.polygons import Polygons
-
-BALL = icosphere(3)
-HOLED = Mesh(BALL.vertices, BALL.faces[BALL.centroids[:, 2] < 0.9])
-COUNT, FACES = len(HOLED.vertices), len(HOLED.faces)
-FILLED = fill_holes(HOLED)
-HEIGHT = HOLED.vertices[:, 2]
-GREEN = np.rint(100 + 50 * HEIGHT).astype(int)
-SIDE = (HOLED.centroids[:, 0] > 0).astype(int)
-
-
-def ply_text(end_of_line: str = "\n", kind: str = "double") -> bytes:
-    """The holed ball with all that a PLY file may hold; faces have a list more, another element lies between."""
-    lines = [
-        *["ply", "format ascii 1.0", "comment element vertex 3", "obj_info by hand", f"element vertex {COUNT}"],
-        *[f"property {kind} {axis}" for axis in "xyz"],
-        *["property float height", "property uchar green", "property int number", "property list uchar int near"],
-        *["element camera 1", "property float angle", f"element face {FACES}", "property uchar side"],
-        *["property list uchar int vertex_indices", "property list uchar float texcoord", "element rest 1"],
-        *["property int last", "end_header"],
-    ]
-    vertices = zip(HOLED.vertices.tolist(), HEIGHT.tolist(), GREEN.tolist(), strict=True)
-    lines += [f"{x!r} {y!r} {z!r} {h!r} {g} {i} 2 5 6" for i, ((x, y, z), h, g) in enumerate(vertices)]
-    faces = zip(HOLED.faces.tolist(), SIDE.tolist(), strict=True)
-    lines += ["0.5", *(f"{side} 3 {a} {b} {c} 6 0 0 1 0 0 1" for (a, b, c), side in faces), "77"]
-    return (end_of_line.join(lines) + end_of_line).encode()
-
-
-def ply_binary(byte_order: str) -> bytes:
-    """The same in binary, with normals of vertices that point inward, and of faces."""
-    name = {"<": "little", ">": "big"}[byte_order]
-    header = [
-        *["ply", f"format binary_{name}_endian 1.0", f"element vertex {COUNT}", "property list uchar short near"],
-        *[f"property float {axis}" for axis in ("x", "y", "z", "nx", "ny", "nz")],
-        *["property uchar green", "property ushort number", f"element face {FACES}"],
-        *["property list uchar uint vertex_index", "property double side", "element rest 1", "property int last"],
-        "end_header\n",
-    ]
-    near, xyz = np.dtype([("n", "u1"), ("near", byte_order + "i2", 2)]), byte_order + "f4"
-    vertices = np.zeros(COUNT, [("l", near), ("x", xyz, 3), ("n", xyz, 3), ("g", "u1"), ("i", byte_order + "u2")])
-    vertices["l"]["n"], vertices["x"], vertices["n"], vertices["g"] = 2, HOLED.vertices, -HOLED.vertex_normals, GREEN
-    vertices["i"] = np.arange(COUNT)
-    faces = np.zeros(FACES, [("n", "u1"), ("corners", byte_order + "u4", 3), ("side", byte_order + "f8")])
-    faces["n"], faces["corners"], faces["side"] = 3, HOLED.faces, SIDE
-    rest = np.array([77], byte_order + "i4")
-    return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes() + rest.tobytes()
-
-
-def filled(tmp_path, data: bytes, suffix: str, output: str | None = None, **settings):
-    """Fill a file; the file that comes out, and what was done."""
-    source, target = tmp_path / f"holed{suffix}", tmp_path / f"filled{output or suffix}"
-    source.write_bytes(data)
-    done = fill_holes_file(source, target, **settings)
-    return cn.read(target), done
 
 
 @pytest.mark.parametrize("end_of_line", ["\n", "\r\n"])
@@ -97,58 +43,6 @@ def test_every_line_of_a_ply_text_stays_and_the_new_ones_follow(tmp_path, end_of
         kept[i] = old[i]
     assert kept == old
     assert file.data.count(end_of_line.encode()) == file.data.count(b"\n")
-
-
-@pytest.mark.parametrize("data", [ply_text(), ply_binary("<"), ply_binary(">")], ids=["text", "little", "big"])
-def test_new_vertices_and_faces_of_ply_have_values_like_those_around(tmp_path, data):
-    file, _ = filled(tmp_path, data, ".ply")
-    before, after = cn.read(io.BytesIO(data)).content(), file.content()
-    for old, new in ((before.vertex_values, after.vertex_values), (before.face_values, after.face_values)):
-        assert old.keys() == new.keys()
-        for name in old:
-            assert new[name][: len(old[name])].tobytes() == old[name].tobytes()
-    assert np.abs(after.vertex_values["green"] - (100 + 50 * FILLED.vertices[:, 2])).max() < 8
-    numbers = after.vertex_values["number"][COUNT:].astype(int)
-    assert np.linalg.norm(FILLED.vertices[numbers] - FILLED.vertices[COUNT:], axis=1).max() < 0.5
-    sides = after.face_values["side"][FACES:]
-    clear = np.abs(FILLED.centroids[FACES:, 0]) > 0.1
-    np.testing.assert_array_equal(sides[clear], FILLED.centroids[FACES:, 0][clear] > 0)
-    if "nx" in after.vertex_values:
-        normals = np.stack([after.vertex_values[name][COUNT:] for name in ("nx", "ny", "nz")], axis=1)
-        assert (normals * -FILLED.vertices[COUNT:]).sum(axis=1).min() > 0.95
-    near = file._columns["vertex", "near"]
-    assert np.broadcast_to(near.counts, len(file.positions))[COUNT - 1 : COUNT + 1].tolist() == [2, 0]
-    assert file._columns["rest", "last"].read(file._body).tolist() == [77]
-
-
-@pytest.mark.parametrize(("kind", "one"), [("char", 127), ("short", 32767), ("uchar", 255)])
-def test_normals_in_whole_numbers_go_on_at_their_scale(tmp_path, kind, one):
-    normals = [f"property {kind} n{axis}" for axis in "xyz"]
-    header = ["ply", "format ascii 1.0", f"element vertex {COUNT}", *(f"property float {axis}" for axis in "xyz")]
-    header += [*normals, f"element face {FACES}", "property list uchar int vertex_indices", *normals, "end_header"]
-    true = [HOLED.vertex_normals, HOLED.face_normals]
-    stored = [np.rint(one * (np.abs(values) if kind == "uchar" else values)).astype(int) for values in true]
-    rows = [" ".join(map(str, (*p, *n))) for p, n in zip(HOLED.vertices.tolist(), stored[0].tolist(), strict=True)]
-    rows += [" ".join(map(str, (3, *f, *n))) for f, n in zip(HOLED.faces.tolist(), stored[1].tolist(), strict=True)]
-    content = filled(tmp_path, ("\n".join([*header, *rows]) + "\n").encode(), ".ply")[0].content()
-    added = FILLED.vertices[COUNT:], FILLED.centroids[FACES:]
-    for values, true in zip((content.vertex_values, content.face_values), added, strict=True):
-        new = np.stack([values[name] for name in ("nx", "ny", "nz")], axis=1)[-len(true) :].astype(float)
-        assert (new * (np.abs(true) if kind == "uchar" else true)).sum(axis=1).min() > 0.8 * one
-
-
-@pytest.mark.parametrize("odd", [np.nan, np.inf])
-def test_values_are_blended_where_they_are_finite_and_else_the_nearest(odd):
-    patches = HolePatches(cn.io.from_arrays(HOLED.vertices, HOLED.faces), FILLED)
-    blended = patches.blended(HEIGHT)
-    known = np.concatenate([HEIGHT, blended])
-    for vertex in range(COUNT, len(FILLED.vertices)):
-        around = FILLED.topology.vertex_neighbors.row(vertex)
-        assert known[vertex] == pytest.approx(known[around].mean(), rel=1e-12)
-    boundary = HOLED.topology.boundary_vertices
-    spoiled = np.where(boundary, HEIGHT, odd)
-    np.testing.assert_array_equal(patches.blended(spoiled), patches.nearest(HEIGHT))
-    assert set(patches.nearest(np.arange(COUNT))) <= set(np.flatnonzero(boundary))
 
 
 def test_a_hole_of_one_face_needs_no_vertex(tmp_path):
