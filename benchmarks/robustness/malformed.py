@@ -368,10 +368,9 @@ def failing_cases(minutes: float, output: Path) -> int:
 
 def case(seed: int) -> str:
     """Denoise a damaged mesh or sample file; return its description, and whether it was denoised or refused."""
-    sys.path.insert(0, str(Path(damage.__file__).parent / "io"))
-    from test_io import SAMPLES, SAMPLES_FORMAT  # these tests skip if OpenUSD is not installed
-    from test_usd import SCENE, archive, stored
-    from test_xml import COLLADA, entries, nested_3mf
+    from sample_files import SAMPLES, SAMPLES_FORMAT  # needs pytest
+    from usd_layers import SCENE, archive, stored
+    from xml_files import COLLADA, entries, nested_3mf
 
     rng = np.random.default_rng(seed)
     if rng.random() < 0.3:

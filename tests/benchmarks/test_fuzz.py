@@ -11,7 +11,7 @@ import pytest
 from damage import damaged, denoised, read_damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_io import SAMPLES, SAMPLES_FORMAT
+from sample_files import SAMPLES, SAMPLES_FORMAT
 
 OTHERS = list(SAMPLES.values())
 SECONDS, BYTES = 10, 50_000_000

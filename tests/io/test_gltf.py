@@ -7,9 +7,9 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from gltfs import BALL, FAST, TEXT, TWO_MESHES, VEC3, beside_what_moves, document, seen_by_trimesh
+from gltfs import BALL, FAST, TEXT, TWO_MESHES, VEC3, beside_what_moves, changed, document, seen_by_trimesh, single
+from sample_files import glb, gltf, read, written
 from shapes import grid
-from test_io import glb, gltf, read, written
 
 import cascadenorm as cn
 from cascadenorm import io
@@ -136,23 +136,6 @@ def test_wrong_values_are_named_with_their_place(place, path, value, words):
     (place / "broken.gltf").write_text(json.dumps(made), encoding="utf-8")
     with pytest.raises(io.ReadError, match=re.escape(words)):
         cn.read("broken.gltf")
-
-
-# accessors
-
-
-def single(accessors: list, views: list[bytes], primitive: dict) -> bytes:
-    """Return a document of one primitive, each view in a buffer of its own."""
-    buffers = [{"byteLength": len(v), "uri": "data:;base64," + b64encode(v).decode()} for v in views]
-    return json.dumps(
-        {
-            "asset": {"version": "2.0"},
-            "meshes": [{"primitives": [primitive]}],
-            "accessors": accessors,
-            "bufferViews": [{"buffer": i, "byteLength": len(v)} for i, v in enumerate(views)],
-            "buffers": buffers,
-        }
-    ).encode()
 
 
 @pytest.mark.parametrize("kind", [("<u1", 5121), ("<u2", 5123), ("<u4", 5125)])
@@ -311,12 +294,6 @@ def test_morphs_skins_and_animations_stay(tmp_path):
     assert found["buffers"][2] == text["buffers"][2]
     assert found["accessors"][3] == text["accessors"][3]
     assert found["meshes"] == text["meshes"] and found["animations"] == text["animations"]
-
-
-def changed(change) -> io.MeshFile:
-    found = json.loads(gltf())
-    change(found)
-    return read(json.dumps(found).encode())
 
 
 def test_a_scene_with_nodes_that_do_not_exist_is_explained_where_triangles_are_removed():

@@ -2,51 +2,13 @@
 
 import numpy as np
 import pytest
-from gltfs import FAST, document
-from shapes import icosphere, noisy
-from test_io import read, written
+from gltfs import COARSE, FAST, document, quantized, with_attribute
+from sample_files import read, written
 
 import cascadenorm as cn
 from cascadenorm.api.filled_files import fill_holes_file
 from cascadenorm.cli import run
 from cascadenorm.io.gltf.gltf import GlbFile
-
-COARSE = noisy(icosphere(3), 0.3)
-
-
-def quantized(kind: str = "<u2", *, normalized: bool = False, faces: np.ndarray = COARSE.faces) -> bytes:
-    """A GLB file whose positions are whole numbers and whose normals are bytes; a node scales it back."""
-    largest = np.iinfo(kind).max
-    lower = np.zeros(3) if kind[1] == "u" else np.full(3, -largest)
-    size = np.ptp(COARSE.vertices, axis=0).max()
-    whole = np.rint((COARSE.vertices - COARSE.vertices.min(axis=0)) / size * (largest - lower) + lower).astype(kind)
-    cells = np.zeros((len(whole), -(-3 * whole.itemsize // 4) * 4), np.uint8)
-    cells[:, : 3 * whole.itemsize] = whole.view(np.uint8).reshape(len(whole), -1)
-    normals = np.zeros((len(whole), 4), np.int8)
-    normals[:, :3] = np.rint(COARSE.vertex_normals * 127)
-    parts = [cells.tobytes(), normals.tobytes(), faces.astype("<u2").tobytes()]
-    starts = np.cumsum([0, *map(len, parts)]).tolist()
-    strides = [cells.shape[1], 4, None]
-    code = {"<u2": 5123, "<i2": 5122, "<u1": 5121, "<i1": 5120}[kind]
-    described = {
-        "asset": {"version": "2.0"},
-        "extensionsUsed": ["KHR_mesh_quantization"],
-        "extensionsRequired": ["KHR_mesh_quantization"],
-        "nodes": [{"mesh": 0, "scale": [2.0, 2.0, 2.0], "translation": [1, 2, 3]}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],
-        "accessors": [
-            {"bufferView": 0, "componentType": code, "type": "VEC3", "count": len(whole), "normalized": normalized}
-            | {"min": whole.min(axis=0).tolist(), "max": whole.max(axis=0).tolist()},
-            {"bufferView": 1, "componentType": 5120, "type": "VEC3", "count": len(whole), "normalized": True},
-            {"bufferView": 2, "componentType": 5123, "type": "SCALAR", "count": faces.size},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": start, "byteLength": len(part)} | ({"byteStride": stride} if stride else {})
-            for start, part, stride in zip(starts, parts, strides, strict=False)
-        ],
-        "buffers": [{"byteLength": starts[-1]}],
-    }
-    return b"".join(GlbFile._made(described, b"".join(parts)))
 
 
 @pytest.mark.parametrize("kind", ["<u2", "<i2", "<u1", "<i1"])
@@ -118,18 +80,6 @@ def test_what_whole_numbers_lose_is_said_and_elsewhere_the_scene_has_its_size(tm
     np.testing.assert_allclose(cn.read("ball.ply").positions, expected)
     assert run(["denoise", "ball.glb", *FAST, "--strength", "0", "-o", "same.glb"]) == 0
     assert (tmp_path / "same.glb").read_bytes() == quantized() and "whole" not in capsys.readouterr().err
-
-
-def with_attribute(name: str, values: np.ndarray, **described_too: object) -> bytes:
-    """The quantised ball with one more attribute of its vertices."""
-    data = quantized()
-    described = document(data)
-    size, kind = described["buffers"][0]["byteLength"], {"f": 5126, "u": 5123}[values.dtype.kind]
-    described["meshes"][0]["primitives"][0]["attributes"][name] = len(described["accessors"])
-    described["accessors"].append({"bufferView": 3, "componentType": kind, "count": len(values), **described_too})
-    described["bufferViews"].append({"buffer": 0, "byteOffset": size, "byteLength": values.nbytes})
-    described["buffers"][0]["byteLength"] += values.nbytes
-    return b"".join(GlbFile._made(described, data[-size:] + values.tobytes()))
 
 
 def test_texture_coordinates_in_whole_numbers_that_stand_for_parts_of_one_go_along(tmp_path, capsys):

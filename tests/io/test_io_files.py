@@ -10,7 +10,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from test_io import COFF, OBJ, OFF, PLY_TEXT, SAMPLES, SAMPLES_FORMAT, read, stl_binary, written
+from sample_files import COFF, OBJ, OFF, PLY_TEXT, SAMPLES, SAMPLES_FORMAT, read, stl_binary, written
 
 from cascadenorm import io
 from cascadenorm.mesh import MeshError

@@ -8,8 +8,8 @@ from io import BytesIO
 import numpy as np
 import pytest
 import trimesh
+from sample_files import OBJ, OFF_TETRAHEDRON, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, written
 from shapes import icosphere
-from test_io import OBJ, PLY_TEXT, SIDES, TETRAHEDRON, glb, read, stl_binary, written
 
 import cascadenorm as cn
 from cascadenorm import io
@@ -18,10 +18,6 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.files import FORMATS, OPTIONAL, is_mesh_name
 from cascadenorm.mesh import Mesh, MeshError
 from cascadenorm.mesh.polygons import Polygons
-
-OFF_TETRAHEDRON = b"\n".join(
-    [b"OFF", b"4 4 6", *(b"%d %d %d" % p for p in TETRAHEDRON), *(b"3 %d %d %d" % s for s in SIDES), b""]
-)
 
 
 def encoded(mesh: Mesh, format: str) -> io.MeshFile:

@@ -1,26 +1,19 @@
 """Files that announce more than they hold are refused before memory is taken for it."""
 
-import io
 import json
 import re
-import zipfile
 import zlib
 from base64 import b64encode
 
 import numpy as np
 import pytest
 from shapes import icosphere
+from xml_files import MODEL, archive
 
 import cascadenorm as cn
 from cascadenorm.io import ReadError
 from cascadenorm.io.limits import ALWAYS, VARIABLE, check_expansion, expansion_limit
 
-MODEL = (
-    '<?xml version="1.0"?><model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
-    '<resources><object id="1" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>'
-    '<vertex x="0" y="1" z="0"/></vertices><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object>'
-    "</resources><build>%s</build></model>"
-)
 COLLADA = (
     '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>'
     "<created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified></asset><library_geometries>"
@@ -32,19 +25,6 @@ COLLADA = (
     '</library_geometries><library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"/></node>'
     '</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>'
 )
-
-
-def archive(model: str, padding: int = 0) -> bytes:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as file:
-        relation = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
-        file.writestr(
-            "_rels/.rels",
-            '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
-            f'<Relationship Target="/3D/3dmodel.model" Id="r" Type="{relation}"/></Relationships>',
-        )
-        file.writestr("3D/3dmodel.model", model + " " * padding)
-    return buffer.getvalue()
 
 
 def instances(count: int) -> bytes:

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from sample_files import PLY_TEXT, read, written
 from shapes import icosphere
-from test_io import PLY_TEXT, read, written
 
 import cascadenorm as cn
 from cascadenorm import io

@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from test_io import PLY_TEXT, read, written
-from test_vtk import SHEET, surface
+from sample_files import PLY_TEXT, read, written
+from mixed_sheet import SHEET, surface
 
 import cascadenorm as cn
 from cascadenorm import io

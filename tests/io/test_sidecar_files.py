@@ -3,19 +3,11 @@
 import os
 
 import pytest
-from test_io import OBJ, PLY_TEXT
+from sample_files import MATERIALS, OBJ, PLY_TEXT
 
 from cascadenorm import io
 from cascadenorm.io import files
 from cascadenorm.io.obj import textures
-
-MATERIALS = b"""newmtl steel\r
-Kd 0.5 0.5 0.5\r
-map_Kd -s 1 1 1 -o 0 0 -mm 0 1 maps/rust and dust.png\r
-  bump -bm 0.2 maps\\bumps.png\r
-map_Ks ../gloss.png
-# map_Ka old.png
-"""
 
 
 @pytest.fixture

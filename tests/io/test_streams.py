@@ -9,8 +9,8 @@ import tempfile
 import threading
 
 import pytest
+from sample_files import PLY_TEXT
 from shapes import icosphere
-from test_io import PLY_TEXT
 
 import cascadenorm as cn
 from cascadenorm.cli import run

@@ -5,8 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from shapes import grid, icosphere
-from test_io import COFF, PLY_TEXT, read, written
+from sample_files import COFF, PLY_TEXT, read, written
+from shapes import icosphere
+from mixed_sheet import QUADS, SHEET, surface
 
 import cascadenorm as cn
 from cascadenorm import io
@@ -16,9 +17,6 @@ from cascadenorm.io.files import output_format
 from cascadenorm.mesh import unit
 
 meshio = pytest.importorskip("meshio")
-
-SHEET = grid(2, 3)
-QUADS = np.array([(0, 1, 5, 4), (1, 2, 6, 5)])
 STYLES = {
     "vtk": [{"fmt_version": v, "binary": b} for v in ("4.2", "5.1") for b in (True, False)],
     "vtu": [{"binary": b} for b in (True, False)],
@@ -318,17 +316,6 @@ def test_meshes_of_simulations_are_moved(format, module, style, tmp_path, monkey
         assert kinds == [b"1" if style["binary"] else b"0"] * 2
     io.write(read(PLY_TEXT), f"made.{format}")
     assert len(cn.read(f"made.{format}").mesh.faces) == len(read(PLY_TEXT).mesh.faces)
-
-
-def surface(pyvista):
-    """Return PolyData of triangles, quads and a line, with values and normals of points and cells."""
-    rng = np.random.default_rng(0)
-    faces = [*([3, *face] for face in SHEET.faces.tolist()), *([4, *face] for face in QUADS.tolist())]
-    made = pyvista.PolyData(SHEET.vertices, faces=np.concatenate(faces), lines=[2, 0, 1])
-    made.point_data["heat"] = rng.normal(size=made.n_points)
-    made.point_data["Normals"] = np.tile([0.0, 0, 1], (made.n_points, 1))
-    made.cell_data["part"] = np.arange(made.n_cells, dtype=np.int32)
-    return made
 
 
 def test_texts_and_field_data_are_named_where_a_format_cannot_hold_them(tmp_path):

@@ -6,8 +6,9 @@ import zipfile
 
 import numpy as np
 import pytest
+from sample_files import PLY_TEXT, read, written
 from shapes import icosphere
-from test_io import PLY_TEXT, read, written
+from xml_files import COLLADA, CORE, FACES, TETRAHEDRON, entries, mesh_3mf, nested_3mf
 
 import cascadenorm as cn
 from cascadenorm import io
@@ -16,46 +17,6 @@ from cascadenorm.io.content import Content
 from cascadenorm.io.xml.collada import ColladaFile
 from cascadenorm.io.xml.threemf import ThreemfFile
 from cascadenorm.mesh.polygons import Polygons
-
-TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
-FACES = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]
-CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
-PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
-
-
-def mesh_3mf(id: int, *, extra: str = "") -> str:
-    """Return an object that is a tetrahedron."""
-    vertices = "".join(f'<vertex  z=\'{z}\' x = "{x}" y="{y}" {extra}/>\n' for x, y, z in TETRAHEDRON)
-    faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}" pid="9"/>' for a, b, c in FACES)
-    return (
-        f'<object id="{id}" name="part {id}" type="model"><mesh><!-- <vertex x="5"/> --><vertices>{vertices}</vertices>'
-        f"<triangles>{faces}</triangles></mesh></object>"
-    )
-
-
-def nested_3mf(files: dict[str, str | bytes] | None = None) -> bytes:
-    """Return an archive in which a part is nested twice in a pair, and the pair twice in the build."""
-    pair = (
-        '<object id="3" type="model"><components><component objectid="1"/>'
-        '<component objectid="1" transform="1 0 0 0 1 0 0 0 1 2 0 0"/></components></object>'
-    )
-    group = '<object id="4" type="model"><components><component objectid="3"/></components></object>'
-    items = '<item objectid="4"/><item objectid="3" transform="-1 0 0 0 1 0 0 0 1 0 5 0"/>'
-    model = (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<model unit="inch" xmlns="{CORE}" xmlns:p="{PRODUCTION}">'
-        f'<metadata name="Title">é</metadata><resources>{mesh_3mf(1)}{pair}{group}</resources>'
-        f"<build>{items}</build></model>"
-    )
-    made = streams.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in {"3D/3dmodel.model": model, "Metadata/plate.png": "picture", **(files or {})}.items():
-            archive.writestr(name, text)
-    return made.getvalue()
-
-
-def entries(data: bytes) -> dict[str, bytes]:
-    with zipfile.ZipFile(streams.BytesIO(data)) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
 
 
 def shown(file) -> np.ndarray:
@@ -152,42 +113,6 @@ def test_components_that_multiply_are_refused():
     assert len(file.mesh.faces) == 4
     with pytest.raises(io.ReadError, match="the meshes that the scene of this file shows need"):
         file.content()
-
-
-COLLADA = """<?xml version="1.0" encoding="utf-8"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-  <asset><unit meter="0.01"/><up_axis>Z_UP</up_axis></asset>
-  <library_images><image id="i"><init_from>./paint.png</init_from></image></library_images>
-  <library_geometries><geometry id="g" name="roof"><mesh>
-    <source id="p"><float_array id="pa" count="18">
-      0 0 0  1 0 1  2 0 0
-      0 1 0  1 1 1  2 1 0 </float_array><technique_common><accessor source="#pa" count="6" stride="3">
-      <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor>
-      </technique_common></source>
-    <source id="n"><float_array id="na" count="6">-0.7071 0 0.7071 0.7071 0 0.7071</float_array><technique_common>
-      <accessor source="#na" count="2" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
-      <param name="Z" type="float"/></accessor></technique_common></source>
-    <source id="t"><float_array id="ta" count="12">0 0 1 0 2 0 0 1 1 1 2 1</float_array><technique_common>
-      <accessor source="#ta" count="6" stride="2"><param name="S" type="float"/><param name="T" type="float"/>
-      </accessor></technique_common></source>
-    <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-    <polylist count="1" material="red"><input semantic="VERTEX" source="#v" offset="0"/>
-      <input semantic="NORMAL" source="#n" offset="1"/><input semantic="TEXCOORD" source="#t" offset="2" set="0"/>
-      <vcount>4</vcount><p>0 0 0 1 0 1 4 0 4 3 0 3</p></polylist>
-    <triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/>
-      <input semantic="NORMAL" source="#n" offset="1"/>
-      <input semantic="TEXCOORD" source="#t" offset="0" set="0"/><p>1 1 2 1 5 1 1 1 5 1 4 1</p></triangles>
-  </mesh></geometry></library_geometries>
-  <library_nodes><node id="pair"><instance_geometry url="#g"/>
-    <node><translate>0 3 0</translate><instance_geometry url="#g"/></node></node></library_nodes>
-  <library_visual_scenes><visual_scene id="s">
-    <node><translate>10 0 0</translate><rotate>0 0 1 90</rotate><instance_node url="#pair"/></node>
-    <node><scale>-1 1 1</scale><instance_node url="#pair"/></node>
-    <node><matrix>1 0 0 0  0 1 0 0  0 0 1 7  0 0 0 1</matrix><instance_geometry url="#g"/></node>
-  </visual_scene></library_visual_scenes>
-  <scene><instance_visual_scene url="#s"/></scene>
-</COLLADA>
-"""
 
 
 def test_instanced_nodes_of_collada_are_moved_once_and_nothing_else_changes():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from mesh_files import ply_of
+from sample_files import OBJ, read, stl_binary, stl_text, written
 from shapes import cube, grid, icosphere
-from test_io import OBJ, read, stl_binary, stl_text, written
 
 import cascadenorm as cn
 from cascadenorm.api.inspection import inspect
