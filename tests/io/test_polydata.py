@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from sample_files import PLY_TEXT, read, written
 from mixed_sheet import SHEET, surface
+from sample_files import PLY_TEXT, read, written
 
 import cascadenorm as cn
 from cascadenorm import io

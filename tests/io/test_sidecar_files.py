@@ -7,7 +7,6 @@ from sample_files import MATERIALS, OBJ, PLY_TEXT
 
 from cascadenorm import io
 from cascadenorm.io import files
-from cascadenorm.io.obj import textures
 
 
 @pytest.fixture
@@ -26,10 +25,6 @@ def place(tmp_path):
 
 def names(folder) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-
-
-def test_textures_are_found_behind_their_options():
-    assert textures(MATERIALS, "lib/a.mtl") == ["lib/../gloss.png", "lib/maps/bumps.png", "lib/maps/rust and dust.png"]
 
 
 def test_materials_and_textures_follow_an_obj(place):

@@ -1,10 +1,8 @@
-"""Results reach a stream whole, or the command fails; meshes come from pipes as well."""
+"""Streams that meshes are read from and written to take bytes, and pipes are read as files are."""
 
 import io
 import os
 import re
-import subprocess
-import sys
 import tempfile
 import threading
 
@@ -15,30 +13,6 @@ from shapes import icosphere
 import cascadenorm as cn
 from cascadenorm.cli import run
 from cascadenorm.io import OutputError
-from cascadenorm.io.atomic import write_stream
-
-PIECES = [bytes(range(256)) * 2000, b"", memoryview(b"end")]
-WHOLE = b"".join(bytes(piece) for piece in PIECES)
-
-
-class Short(io.RawIOBase):
-    """A raw stream that takes a few bytes at a time."""
-
-    def __init__(self) -> None:
-        self.taken = bytearray()
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, data) -> int:
-        self.taken += bytes(data[:1000])
-        return min(len(data), 1000)
-
-
-def test_a_stream_that_takes_few_bytes_at_a_time_gets_all():
-    stream = Short()
-    write_stream(stream, PIECES)
-    assert stream.taken == WHOLE
 
 
 def closed(stream):
@@ -111,48 +85,6 @@ def test_targets_that_take_no_bytes_are_refused_before_anything_is_read(target, 
     with pytest.raises(OutputError, match=re.escape(words)):
         cn.denoise_file(source, target)
     assert source.tell() == 0
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no FIFOs here")
-@pytest.mark.parametrize("buffering", [0, -1])
-def test_a_pipe_that_does_not_block_gets_all(buffering):
-    read_end, write_end = os.pipe()
-    os.set_blocking(write_end, False)
-    found = []
-
-    def drain() -> None:
-        with open(read_end, "rb") as stream:
-            found.append(stream.read())
-
-    thread = threading.Thread(target=drain)
-    with open(write_end, "wb", buffering=buffering) as stream:
-        thread.start()
-        write_stream(stream, PIECES)
-    thread.join()
-    assert found == [WHOLE]
-
-
-def test_a_reader_that_leaves_is_an_error():
-    read_end, write_end = os.pipe()
-    os.close(read_end)
-    with pytest.raises(OutputError, match="closed by its reader"), open(write_end, "wb", buffering=0) as stream:
-        write_stream(stream, PIECES)
-
-
-def test_the_command_line_writes_all_without_buffers(tmp_path):
-    """A reader that leaves early, and one that stays, with an unbuffered stdout."""
-    (tmp_path / "a.ply").write_bytes(PLY_TEXT)
-    command = [sys.executable, "-m", "cascadenorm", "denoise", "a.ply", "-o", "-", "--method", "laplacian"]
-    unbuffered = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    whole = subprocess.run(command, cwd=tmp_path, env=unbuffered, capture_output=True, check=True).stdout
-    assert run([*command[3:4], str(tmp_path / "a.ply"), "-o", str(tmp_path / "b.ply"), *command[-2:]]) == 0
-    assert whole == (tmp_path / "b.ply").read_bytes()
-    read_end, write_end = os.pipe()
-    os.close(read_end)
-    gone = subprocess.run(command, cwd=tmp_path, env=unbuffered, stdout=write_end, stderr=subprocess.PIPE)
-    os.close(write_end)
-    assert gone.returncode == 5
-    assert gone.stderr == b"cascadenorm: the stream was closed by its reader before all was written\n"
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no FIFOs here")

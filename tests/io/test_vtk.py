@@ -1,19 +1,16 @@
 """Formats that other packages read and write: what they hold of a file is kept, the rest is named."""
 
-import io as streams
 import re
 
 import numpy as np
 import pytest
+from mixed_sheet import QUADS, SHEET, surface
 from sample_files import COFF, PLY_TEXT, read, written
 from shapes import icosphere
-from mixed_sheet import QUADS, SHEET, surface
 
 import cascadenorm as cn
 from cascadenorm import io
 from cascadenorm.cli import run
-from cascadenorm.io import files
-from cascadenorm.io.files import output_format
 from cascadenorm.mesh import unit
 
 meshio = pytest.importorskip("meshio")
@@ -275,20 +272,6 @@ def test_volumes_are_refused(tmp_path):
     meshio.Mesh(np.eye(4)[:, :3], [("tetra", np.array([(0, 1, 2, 3)]))]).write(tmp_path / "a.vtu")
     with pytest.raises(io.ReadError, match="cells of type tetra: extract the surface"):
         cn.read(tmp_path / "a.vtu")
-
-
-def test_a_missing_package_is_named(monkeypatch):
-    monkeypatch.setattr(files, "is_installed", lambda module: module != "meshio")
-    monkeypatch.setattr("cascadenorm.io.via_trimesh.trimesh_formats", list)
-    for format, packages in {"vtu": "meshio", "3dxml": "lxml networkx", "zae": "pycollada"}.items():
-        words = re.escape(
-            f"'{format}' files needs {packages}, which is not installed: pip install \"cascadenorm[formats]"
-        )
-        with pytest.raises(cn.MissingDependencyError, match=words):
-            io.read(streams.BytesIO(b"anything"), format)
-        refusal = (cn.MissingDependencyError, words) if format == "vtu" else (cn.OutputError, "cannot be written")
-        with pytest.raises(refusal[0], match=refusal[1]):
-            output_format(f"a.{format}")
 
 
 @pytest.mark.parametrize(
