@@ -134,12 +134,3 @@ def test_small_files_may_expand_to_a_fixed_size_and_large_ones_by_a_factor(monke
     monkeypatch.setenv(VARIABLE, "many")
     with pytest.raises(cn.ParameterError, match=re.escape(f"{VARIABLE} is 'many'; it must be a number of at least 1")):
         expansion_limit(10)
-
-
-def test_an_archive_whose_build_shows_nothing_is_a_library_of_its_meshes(tmp_path):
-    item = '<item objectid="2"/>'
-    (tmp_path / "a.3mf").write_bytes(archive((MODEL % item).replace('object id="1"', 'object id=""')))
-    file = cn.read(tmp_path / "a.3mf")
-    assert len(file.content().polygons) == 1
-    cn.write(file, tmp_path / "a.ply")
-    assert len(cn.read(tmp_path / "a.ply").mesh.faces) == 1

@@ -1,4 +1,4 @@
-"""Formats that other packages read and write: what they hold of a file is kept, the rest is named."""
+"""Grids of VTK, Gmsh and Abaqus files: what they hold besides positions is kept, and what is lost is named."""
 
 import re
 
