@@ -4,8 +4,8 @@ import base64
 import re
 
 import pytest
+from mixed_sheet import SHEET, surface
 from sample_files import read
-from vtk_meshes import SHEET, surface
 
 from cascadenorm import io
 
