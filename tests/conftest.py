@@ -8,6 +8,10 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores; librarie
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+# tests use the modules of helpers/ and what other tests make, and the benchmarks of the checkout
+sys.path += [str(folder) for folder in sorted(Path(__file__).parent.rglob("*")) if folder.is_dir()]
+sys.path.append(str(Path(__file__).parents[1]))
+
 import hypothesis
 import pytest
 from studios import Studio
@@ -16,12 +20,6 @@ from cascadenorm.compute import threads
 from cascadenorm.io.interop import save_mesh
 
 threads.SMALLEST_CHUNK = 256  # kernels run on several threads even for the small meshes of tests
-
-# tests of one folder may use what those of another make, and the benchmarks of the checkout
-sys.path += [str(folder) for folder in sorted(Path(__file__).parent.rglob("*")) if folder.is_dir()]
-sys.path.append(str(Path(__file__).parents[1]))
-
-
 hypothesis.settings.register_profile("any machine", deadline=None)
 hypothesis.settings.load_profile("any machine")
 

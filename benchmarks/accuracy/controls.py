@@ -16,7 +16,7 @@ from benchmarks import results
 from cascadenorm.geometry.metrics import measure
 from cascadenorm.mesh import Mesh
 
-sys.path.append(str(Path(__file__).parents[2] / "tests"))
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 
 from shapes import cube, grid, noisy
 

@@ -49,7 +49,7 @@ from cascadenorm.io.files import write as write_file
 from cascadenorm.io.ply.ply import PlyFile
 from cascadenorm.mesh.polygons import Polygons
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "helpers"))
 
 import damage
 from shapes import cube, grid, icosphere, noisy

@@ -20,7 +20,7 @@ from benchmarks.speed.commands import COMMAND, timed
 from benchmarks.speed.meshes import MILLION, wavy_torus
 from cascadenorm.io.interop import save_mesh
 
-sys.path.append(str(Path(__file__).parents[2] / "tests"))
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 
 from browsers import Browser
 from studios import Studio

@@ -138,7 +138,7 @@ def test_the_text_of_the_architecture_names_only_what_exists():
     for name in re.findall(r"`([A-Za-z_][\w./-]*)(?:\(…?\.*\))?`", text):
         if "/" in name or name.endswith((".py", ".ts")):
             sources = ROOT / "viewer" / "src"
-            homes = (ROOT, ROOT / "cascadenorm", ROOT / "tests", sources, sources / "studio")
+            homes = (ROOT, ROOT / "cascadenorm", ROOT / "tests" / "helpers", sources, sources / "studio")
             assert any((home / name).exists() for home in homes) or name == "demo_data/", f"there is no file {name}"
         else:
             assert name in OF_OTHERS or set(name.split(".")) <= words, f"nothing is called {name}"

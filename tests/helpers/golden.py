@@ -1,4 +1,4 @@
-"""What every method makes of two meshes, in a few numbers: `python tests/golden.py` writes golden.json anew."""
+"""What every method makes of two meshes, in a few numbers: `python tests/helpers/golden.py` writes golden.json anew."""
 
 import json
 from pathlib import Path

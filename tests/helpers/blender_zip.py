@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-_file = Path(__file__).parents[1] / "release" / "blender" / "build.py"
+_file = Path(__file__).parents[2] / "release" / "blender" / "build.py"
 _specification = importlib.util.spec_from_file_location("blender_build", _file)
 assert _specification is not None and _specification.loader is not None
 build = importlib.util.module_from_spec(_specification)
