@@ -8,9 +8,8 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores; librarie
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-# tests use the modules of helpers/ and what other tests make, and the benchmarks of the checkout
-sys.path += [str(folder) for folder in sorted(Path(__file__).parent.rglob("*")) if folder.is_dir()]
-sys.path.append(str(Path(__file__).parents[1]))
+# tests use the modules of helpers/ and the benchmarks of the checkout
+sys.path += [str(Path(__file__).parent / "helpers"), str(Path(__file__).parents[1])]
 
 import hypothesis
 import pytest

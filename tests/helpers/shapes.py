@@ -126,10 +126,7 @@ def signed_volume(mesh: Mesh) -> float:
 
 def side_by_side(*meshes: Mesh) -> Mesh:
     """Return meshes as the components of one, a hundred units apart."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    vertices = [mesh.vertices + 100.0 * i for i, mesh in enumerate(meshes)]
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+    return together(*(mesh.moved(mesh.vertices + 100.0 * i) for i, mesh in enumerate(meshes)))
 
 
 def together(*meshes: Mesh) -> Mesh:
@@ -137,3 +134,9 @@ def together(*meshes: Mesh) -> Mesh:
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
     return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+
+
+def flipped(before: Mesh, vertices: np.ndarray) -> np.ndarray:
+    """Faces whose normal is 90° or more from what it was; a face without area has none."""
+    turn = np.einsum("ij,ij->i", before.moved(vertices).area_vectors, before.area_vectors)
+    return (turn <= 0) & (before.areas > 0)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapes import cube, cylinder, grid, icosphere, noisy, torus
-from test_foldovers import flipped
+from shapes import coil, cube, cylinder, flipped, grid, icosphere, mean_angle, noisy, torus
 
+import cascadenorm as cn
 from cascadenorm.detection.chords import chord_noise, chord_residuals
 from cascadenorm.geometry.foldovers import foldovers
 from cascadenorm.learned.safeguards import FACE_HEIGHTS, NOISE_FACTOR, displacement_bounds, safeguarded
@@ -65,3 +65,24 @@ def test_the_bound_follows_the_noise_over_the_mesh():
     bounds = displacement_bounds(sheet.moved(sheet.vertices + heights[:, None] * [0, 0, 1]))
     assert bounds[sheet.vertices[:, 0] < 18].min() > 1
     assert bounds[sheet.vertices[:, 0] > 30].max() < 1e-9
+
+
+@pytest.mark.parametrize("mesh", [cube(1), cube(6), cylinder(10), cylinder(90)])
+@given(seed=st.integers(0, 10**6))
+def test_meshes_whose_chords_show_no_noise_stay_but_for_rounding(mesh, seed):
+    wanted = mesh.vertices + np.random.default_rng(seed).normal(size=mesh.vertices.shape)
+    np.testing.assert_allclose(safeguarded(mesh, wanted), mesh.vertices, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("mesh", [cube(1), cylinder(24), cylinder(300, 20.0)], ids=["cube", "strips", "long strips"])
+def test_auto_leaves_cad_alone_but_for_the_rounding_of_single_precision(mesh):
+    vertices = mesh.vertices.astype(np.float32)
+    rounding = 30 * float(np.spacing(np.abs(vertices).max()))
+    np.testing.assert_allclose(cn.denoise(vertices, mesh.faces), vertices, rtol=0, atol=rounding)
+
+
+@pytest.mark.parametrize("mesh", [torus(60, 24), coil(2.5, 80)], ids=["torus", "coil"])
+def test_auto_hardly_changes_a_tessellated_surface_without_error(mesh):
+    denoised = mesh.moved(cn.denoise(mesh.vertices, mesh.faces))
+    assert mean_angle(denoised, mesh) < 0.15
+    assert np.linalg.norm(denoised.vertices - mesh.vertices, axis=1).max() < 2e-4 * mesh.diagonal
