@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from components import LARGE, MIDDLE, PARTS, SMALL, together
+from components import LARGE, MIDDLE, PARTS, SMALL, in_a_row
 
 import cascadenorm as cn
 from cascadenorm.api.dropped_components import without_small_components
@@ -24,12 +24,12 @@ from cascadenorm.mesh.polygons import Polygons
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off"])
 def test_denoise_leaves_them_out_and_says_so(tmp_path, monkeypatch, capsys, suffix):
     monkeypatch.chdir(tmp_path)
-    save_mesh(tmp_path / f"scan{suffix}", together(*PARTS))
+    save_mesh(tmp_path / f"scan{suffix}", in_a_row(*PARTS))
     words = ["denoise", f"scan{suffix}", "-o", f"out{suffix}", "--method", "laplacian", "--drop-components", "1%"]
     assert run([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["dropped_components"], told["dropped_faces"]) == (2, 24)
-    expected = together(SMALL, LARGE, MIDDLE)  # where they lie
+    expected = in_a_row(SMALL, LARGE, MIDDLE)  # where they lie
     kept = Mesh(expected.vertices[8:], expected.faces[12:] - 8)
     save_mesh(tmp_path / f"alone{suffix}", kept)
     cn.denoise_file(f"alone{suffix}", f"expected{suffix}", method="laplacian")
@@ -39,7 +39,7 @@ def test_denoise_leaves_them_out_and_says_so(tmp_path, monkeypatch, capsys, suff
     assert run([*words, "--force"]) == 0
     assert "dropped: 2 small components of 24 faces in all" in capsys.readouterr().err
     assert run([*words[:-2], "--force"]) == 0
-    assert len(cn.read(tmp_path / f"out{suffix}").mesh.faces) == len(together(*PARTS).faces)
+    assert len(cn.read(tmp_path / f"out{suffix}").mesh.faces) == len(in_a_row(*PARTS).faces)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_denoise_leaves_them_out_and_says_so(tmp_path, monkeypatch, capsys, suff
 )
 def test_denoise_says_why_it_drops_nothing(tmp_path, monkeypatch, capsys, parts, limit, said):
     monkeypatch.chdir(tmp_path)
-    save_mesh(tmp_path / "scan.ply", together(*parts))
+    save_mesh(tmp_path / "scan.ply", in_a_row(*parts))
     words = ["denoise", "scan.ply", "--method", "laplacian", "--drop-components", limit, "--force"]
     assert run(words) == 0
     assert said in capsys.readouterr().err
@@ -127,7 +127,7 @@ def test_lines_of_an_obj_file_that_use_vertices_are_left_out(tmp_path):
 
 def obj_of_parts() -> bytes:
     """The parts as objects of an OBJ file: a small one, the large one with two groups, and two others."""
-    mesh, lines, first = together(*PARTS), [], 0
+    mesh, lines, first = in_a_row(*PARTS), [], 0
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
     for number, part in enumerate(PARTS):
         lines += [f"o part{number}"]
@@ -140,7 +140,7 @@ def obj_of_parts() -> bytes:
 def test_controls_refer_to_the_file_before_components_are_dropped(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scan.obj").write_bytes(obj_of_parts())
-    count = len(together(*PARTS).vertices)
+    count = len(in_a_row(*PARTS).vertices)
     soft = np.random.default_rng(0).random(count)
     np.save("soft.npy", soft)
     ends = LARGE.topology.edges[:50]
@@ -213,7 +213,7 @@ def test_components_of_a_scene_are_dropped_where_it_shows_them(tmp_path, capsys,
 @pytest.mark.parametrize("format", ["gltf", "glb"])
 def test_materials_of_a_gltf_file_stay_where_components_are_dropped(tmp_path, format):
     """One mesh loses a component at the front of its primitive, the other one all triangles."""
-    both = together(SMALL, LARGE)
+    both = in_a_row(SMALL, LARGE)
     values = {"s": both.vertices[:, 0], "t": both.vertices[:, 1]}
     document, buffer, _ = document_of(Content(both.vertices, Polygons.from_rows(both.faces.astype(np.int64)), values))
     (of_both,) = document["meshes"]

@@ -56,7 +56,7 @@ print(sha256(denoise(noisy(icosphere(2), 0.3)).vertices.tobytes()).hexdigest())
 
 def run(code: str, **environment: str) -> list[str]:
     """Run code in a process of its own and return what it prints."""
-    command = [sys.executable, "-c", code, str(Path(__file__).parents[1])]
+    command = [sys.executable, "-c", code, str(Path(__file__).parents[1] / "helpers")]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
