@@ -54,7 +54,7 @@ def page():
 
 
 @pytest.fixture
-def studio(tmp_path):
+def empty_studio(tmp_path):
     """A studio without a file."""
     started = Studio(folder=tmp_path)
     yield started

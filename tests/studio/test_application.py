@@ -4,14 +4,8 @@ import os
 import sys
 
 import pytest
-from scans import LAPLACIAN, scanned, studio_on_a_scan
+from scans import LAPLACIAN, scanned
 from studios import Studio, until
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 @pytest.mark.parametrize("number", ["9" * 5000, "-1", "1.0", "x"])

@@ -3,14 +3,8 @@
 import sys
 
 import pytest
-from scans import LAPLACIAN, scanned, settings, studio_on_a_scan
+from scans import LAPLACIAN, scanned, settings
 from studios import Studio, until
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 @pytest.mark.parametrize("name", ["../out.ply", "/tmp/out.ply", "a/b.ply", "..", ".out.ply", "a\\b.ply", "", None, 7])

@@ -6,16 +6,9 @@ from urllib.parse import unquote
 from zipfile import ZipFile
 
 import numpy as np
-import pytest
-from scans import LAPLACIAN, ROUGH, studio_on_a_scan
+from scans import LAPLACIAN, ROUGH
 
 import cascadenorm as cn
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 def test_paint_is_downloaded_with_the_result(studio):

@@ -10,7 +10,7 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from scans import LAPLACIAN, ROUGH, denoised, studio_on_a_scan
+from scans import LAPLACIAN, ROUGH, denoised
 from shapes import icosphere
 from studios import until
 
@@ -22,12 +22,6 @@ from cascadenorm.io.interop import save_mesh
 from cascadenorm.studio.requests import Requests
 
 SETTINGS = {"method": "laplacian", "parameters": {}, "controls": {}}
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 def test_a_result_is_saved_with_all_that_the_file_holds_as_the_command_line_saves_it(studio, monkeypatch):

@@ -7,17 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scans import LAPLACIAN, scanned, studio_on_a_scan
+from scans import LAPLACIAN, scanned
 
 from cascadenorm.cli import run
 from cascadenorm.studio import server
 from cascadenorm.studio.session import Session
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scans import LAPLACIAN, ROUGH, settings, studio_on_a_scan
+from scans import LAPLACIAN, ROUGH, settings
 from shapes import icosphere, noisy
 from studios import Studio, until
 
@@ -24,12 +24,6 @@ BAD = {
     "notes.docx": (b"PK\x03\x04 not a mesh", "not a supported mesh format"),
     "cut.ply": (b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nend_header\n\0", "cut.ply"),
 }
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -1,16 +1,9 @@
 """The form has every setting, and no setting names a file."""
 
 import pytest
-from scans import studio_on_a_scan
 
 import cascadenorm as cn
 from cascadenorm.registry.controls import CONTROLS
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 @pytest.mark.parametrize(

@@ -20,11 +20,11 @@ from cascadenorm.registry import FAMILIES, by_family
 
 
 @needs_browser
-def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
+def test_from_a_dropped_mesh_to_a_downloaded_file(page, empty_studio, tmp_path):
     save_mesh(tmp_path / "rough.ply", ROUGH)
     page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
     page.driver.get_log("browser"), page.driver.get_log("performance")
-    page.at(studio).wait("empty")
+    page.at(empty_studio).wait("empty")
     page.until(page.one(".zone").is_displayed, "a place to drop a mesh")
     page.drop(tmp_path / "rough.ply")
     page.wait()
@@ -54,7 +54,7 @@ def test_from_a_dropped_mesh_to_a_downloaded_file(page, studio, tmp_path):
     # nothing went wrong, and nobody else was asked
     assert [entry for entry in page.driver.get_log("browser") if entry["level"] != "INFO"] == []
     asked = re.findall(r'"Network.requestWillBeSent".*?"url":"([^"]*)"', str(page.driver.get_log("performance")))
-    assert asked and {url.split("/")[2] for url in asked if url.startswith("http")} == {studio.host}
+    assert asked and {url.split("/")[2] for url in asked if url.startswith("http")} == {empty_studio.host}
     assert {url.partition(":")[0] for url in asked} <= {"http", "about", "data", "blob"}
 
 
@@ -163,8 +163,8 @@ def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
 
 
 @needs_browser
-def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, studio, tmp_path):
-    page.at(studio).wait("empty")
+def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, empty_studio, tmp_path):
+    page.at(empty_studio).wait("empty")
     page.js(
         "const before = window.fetch;"
         "window.fetch = async (path, ...rest) => {"
@@ -185,10 +185,10 @@ def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, stud
 
 
 @needs_browser
-def test_hidden_files_that_come_with_a_mesh_are_left_out(page, studio, tmp_path):
+def test_hidden_files_that_come_with_a_mesh_are_left_out(page, empty_studio, tmp_path):
     save_mesh(tmp_path / "rough.ply", ROUGH)
     (tmp_path / ".DS_Store").write_bytes(b"hidden")
-    page.at(studio).wait("empty")
+    page.at(empty_studio).wait("empty")
     page.drop(tmp_path / ".DS_Store")
     page.said(".failed", "'.DS_Store' is not a plain file name")
     page.drop(tmp_path / ".DS_Store", tmp_path / "rough.ply")
@@ -348,13 +348,13 @@ def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_stu
 
 
 @needs_browser
-def test_a_page_says_when_the_studio_has_ended(page, studio, tmp_path):
+def test_a_page_says_when_the_studio_has_ended(page, empty_studio, tmp_path):
     save_mesh(tmp_path / "one.ply", cn.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
-    page.at(studio).wait("empty")
+    page.at(empty_studio).wait("empty")
     page.drop(tmp_path / "one.ply")
     page.wait()
     assert page.one(".counts").text == "1 face, 3 vertices"
-    studio.close()
+    empty_studio.close()
     page.wait("ended")
     assert page.one(".failed").text == "The studio has stopped. Start it again."
 
@@ -496,9 +496,9 @@ def test_a_million_faces_are_shown_whole(page, tmp_path):
 
 
 @needs_browser
-def test_a_folder_is_refused_as_such(page, studio, tmp_path):
+def test_a_folder_is_refused_as_such(page, empty_studio, tmp_path):
     (tmp_path / "scans").mkdir()
-    page.at(studio).wait("empty")
+    page.at(empty_studio).wait("empty")
     dragged = {"items": [], "files": [str(tmp_path / "scans")], "dragOperationsMask": 1}
     for kind in ("dragEnter", "dragOver", "drop"):
         page.driver.execute_cdp_cmd("Input.dispatchDragEvent", {"type": kind, "x": 600, "y": 400, "data": dragged})

@@ -1,15 +1,8 @@
 """The open mesh is shown beside its result, without what is bad in it."""
 
 import numpy as np
-import pytest
-from scans import LAPLACIAN, ROUGH, denoised, scanned, settings, studio_on_a_scan
+from scans import LAPLACIAN, ROUGH, denoised, scanned, settings
 from studios import until
-
-
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with studio_on_a_scan(tmp_path_factory.mktemp("studio")) as started:
-        yield started
 
 
 def test_the_scene_of_a_result_completes_that_of_the_open_mesh(studio):
