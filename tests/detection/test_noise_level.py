@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, noisy
+from shapes import cube, grid, icosphere, noisy, side_by_side
 
 from cascadenorm.api.inspection import inspect, noise_level
 from cascadenorm.data_gen.families import SHAPE_FAMILIES
-from cascadenorm.detection.noise_level import local_noise
+from cascadenorm.detection.noise_level import component_noise, local_noise
 
 SHAPES = {
     "sphere": lambda: icosphere(4),
@@ -62,3 +62,10 @@ def test_local_noise_is_none_of_a_clean_plane_and_unknown_at_its_boundary():
     np.testing.assert_allclose(local[known], 0, atol=1e-12)
     assert known.reshape(7, 7)[3, 3] and not known.reshape(7, 7)[0, 6]
     assert np.isnan(local_noise(grid(1, 1))).all()
+
+
+def test_the_noise_of_a_component_is_that_of_the_component_by_itself():
+    parts = noisy(icosphere(4), 0.02), icosphere(4)
+    mesh, alone = side_by_side(*parts), [noise_level(part) * part.mean_edge_length for part in parts]
+    np.testing.assert_allclose(component_noise(mesh, np.array([True, True])), alone, rtol=1e-9, atol=1e-9)
+    assert np.isnan(component_noise(mesh, np.array([True, False]))[1])

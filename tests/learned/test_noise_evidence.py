@@ -3,7 +3,6 @@
 import numpy as np
 from shapes import grid, icosphere, noisy, side_by_side
 
-from cascadenorm.detection.noise_level import component_noise, noise_level
 from cascadenorm.learned.methods import shipped
 from cascadenorm.learned.noise_evidence import noise_evidence, turning_angles
 from cascadenorm.mesh import Mesh, angles_between
@@ -71,14 +70,6 @@ def test_where_the_noise_cannot_be_estimated_the_angles_count():
     mesh = grid(3, 3)
     angles = np.full(len(mesh.faces), np.radians(1.5))
     np.testing.assert_array_equal(noise_evidence(mesh, angles, white=True), 1)
-
-
-def test_the_noise_of_each_component_explains_its_own_angles():
-    mesh = side_by_side(noisy(BALL, 0.02), BALL)
-    noise = component_noise(mesh, np.array([True, True]))
-    alone = [noise_level(part) * part.mean_edge_length for part in (noisy(BALL, 0.02), BALL)]
-    np.testing.assert_allclose(noise, alone, rtol=1e-9, atol=1e-9)
-    assert np.isnan(component_noise(mesh, np.array([True, False]))[1])
 
 
 def test_faces_without_area_are_not_turned():
