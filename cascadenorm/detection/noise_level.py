@@ -19,6 +19,7 @@ from cascadenorm.mesh import (
     scatter_add,
 )
 from cascadenorm.mesh.averages import averaged
+from cascadenorm.mesh.topology import rows_with
 from cascadenorm.mesh.vectors import add, dot, length, row, squared_distance
 
 SAMPLES = 50_000  # edges used, evenly spaced in order
@@ -59,12 +60,10 @@ def component_noise(mesh: Mesh, wanted: Bools) -> Floats:
     The estimate is that of `noise_level`; NaN for other components and for those with too few edges.
     """
     edges = _inner_edges(mesh)
-    components = mesh.topology.components[edges[:, 0]]
-    edges = edges[np.argsort(components, kind="stable")]
-    ends = np.cumsum(np.bincount(components, minlength=len(wanted)))
+    within = rows_with(mesh.topology.components[edges[:, :1]], len(wanted))
     deviations = np.full(len(wanted), np.nan)
-    for c in np.flatnonzero(wanted):
-        deviations[c] = _deviation_along(mesh, edges[ends[c - 1] if c else 0 : ends[c]])
+    for c in np.flatnonzero(wanted).tolist():
+        deviations[c] = _deviation_along(mesh, edges[within.row(c)])
     return deviations
 
 
@@ -117,9 +116,10 @@ def _clipped_deviation(differences: Floats) -> float:
     deviation = float(np.quantile(sizes, START) / _NORMAL.inv_cdf(0.5 + START / 2))
     for _ in range(CLIPPING_ROUNDS):
         within = sizes[sizes <= CLIP * deviation]
-        before, deviation = deviation, float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0
-        if deviation == before:
+        closer = float(np.sqrt(np.square(within).mean() / KEPT_VARIANCE)) if len(within) else 0.0
+        if closer == deviation:
             break
+        deviation = closer
     return deviation
 
 

@@ -78,10 +78,10 @@ def _explained_angles(mesh: Mesh, noise: Floats) -> Floats:
     Noise of deviation s, (m,), changes the slope of a face of area A and sides l by s √(Σ l²) / (2 A), as a root mean
     square.
     """
-    corners = mesh.vertices[mesh.faces]
+    corners = mesh.corners
     sides = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=(1, 2))
-    slopes = np.sqrt(np.pi / 4 * sides) * noise / np.maximum(2 * mesh.areas, np.finfo(float).tiny)
-    return np.where(np.isnan(noise), np.pi / 2, np.arctan(slopes))
+    angles = np.arctan2(np.sqrt(np.pi / 4 * sides) * noise, 2 * mesh.areas)
+    return np.where(np.isnan(noise), np.pi / 2, angles)
 
 
 def _rise(values: Floats, low: float, high: float) -> Floats:

@@ -77,6 +77,15 @@ def test_faces_without_area_are_not_turned():
     np.testing.assert_allclose(turning_angles(mesh, np.tile([1.0, 0, 0], (2, 1))), [np.pi / 2, 0])
 
 
+def test_faces_without_area_are_explained_by_any_noise():
+    mesh = grid(12, 12)
+    mesh = Mesh(mesh.vertices, np.concatenate([mesh.faces, [[0, 1, 2]]]))  # three vertices of a side
+    mesh = mesh.moved(mesh.vertices + np.random.default_rng(0).normal(0, 0.005, mesh.vertices.shape) * [0, 0, 1])
+    flat = mesh.moved(mesh.vertices * [1, 1, 0])
+    for some in mesh, flat:
+        assert np.isfinite(noise_evidence(some, turned(some, 1, 1), white=True)).all()
+
+
 def test_vertices_without_a_face_have_no_evidence_of_their_own():
     mesh = Mesh(np.vstack([BALL.vertices, [[9.0, 9, 9]]]), BALL.faces)
     np.testing.assert_array_equal(noise_evidence(mesh, turned(mesh, 1, 1)), [1.0] * len(BALL.vertices) + [0.0])
