@@ -7,12 +7,10 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from modules import MODULES
 from shapes import icosphere, noisy
 
 from cascadenorm.io.interop import save_mesh
-
-ROOT = Path(__file__).parent.parent
-FOLDERS = {"cascadenorm": ROOT / "cascadenorm", "baselines": ROOT / "baselines", "data_gen": ROOT / "data_gen"}
 
 MAY_IMPORT = {
     "version": "",
@@ -40,22 +38,6 @@ MAY_IMPORT = {
     "studio",
 }
 """What the modules of a room may import besides one another, in an order in which each room has only earlier ones."""
-
-
-def modules() -> dict[str, Path]:
-    """Every module of the package by its name without the package's."""
-    found = {}
-    for name, folder in FOLDERS.items():
-        for path in sorted(folder.rglob("*.py")):
-            inside = path.relative_to(folder).with_suffix("").parts
-            parts = inside if name == "cascadenorm" else (name, *inside)
-            parts = parts[:-1] if parts[-1] == "__init__" else parts
-            if parts and parts != ("__main__",):
-                found[".".join(parts)] = path
-    return found
-
-
-MODULES = modules()
 
 
 def top_of(name: str) -> str:
