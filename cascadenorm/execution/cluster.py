@@ -35,6 +35,8 @@ WORKER_TIMEOUT_S = 300.0  # seconds to wait while a cluster has no usable worker
 
 REPLY_TIMEOUT_S = 30.0  # maximum number of seconds to receive the outcome of finished work, or to restart a worker
 
+START_ATTEMPTS = 3  # of Dask, on a machine that is too busy to begin a thread within 10 s
+
 LOCAL_CLUSTER_CONFIG = {"distributed.deploy.lost-worker-timeout": "365 days"}
 """Settings of Dask for a cluster on this machine.
 
@@ -55,7 +57,8 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
 
     The scheduler is an address, such as "tcp://10.0.0.1:8786", or "local" for a cluster on this machine, with a number
     of worker processes, and threads and bytes of memory per process. Raises MissingDependencyError if distributed is
-    not installed, and ParameterError if no scheduler answers at the address.
+    not installed, ParameterError if no scheduler answers at the address, and WorkerError if the machine is too busy to
+    start Dask.
     """
     try:
         import dask
@@ -68,7 +71,8 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
         if scheduler == LOCAL_CLUSTER:
             stack.enter_context(dask.config.set(LOCAL_CLUSTER_CONFIG))
             with interrupts_blocked():  # this process handles Ctrl-C
-                cluster = distributed.LocalCluster(
+                cluster = _started(
+                    distributed.LocalCluster,
                     n_workers=workers,
                     threads_per_worker=threads,
                     memory_limit=memory,
@@ -81,7 +85,7 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
         else:
             address = scheduler
         try:
-            client = distributed.Client(address, set_as_default=False)
+            client = _started(distributed.Client, address, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:  # TypeError for tls:// without a TLS configuration
             raise ParameterError(
                 f"is {scheduler!r}, where no Dask scheduler answers: {error}",
@@ -89,6 +93,16 @@ def dask_client(scheduler: str, *, workers: int, threads: int, memory: int) -> I
                 hint='start one by `dask scheduler`, or use "local" for a cluster on this machine',
             ) from None
         yield stack.enter_context(client)
+
+
+def _started(class_: Callable[..., Result], *args: object, **options: object) -> Result:
+    """Return an instance of a class of Dask; where its thread has not begun within Dask's 10 s, try again."""
+    for _ in range(START_ATTEMPTS):
+        try:
+            return class_(*args, **options)
+        except AssertionError:  # Dask's only answer to a thread that has not begun
+            continue
+    raise WorkerError("Dask did not start: the machine is too busy", hint="try again when other programs have ended")
 
 
 def required_folder(places: Iterable[str | PathLike[str]], values: Iterable[object]) -> str | None:

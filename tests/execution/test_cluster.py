@@ -20,7 +20,8 @@ from cascadenorm.execution import cluster as dask_cluster
 from cascadenorm.execution.cluster import dask_client, on_cluster
 from cascadenorm.io.interop import save_mesh
 
-LocalCluster = pytest.importorskip("distributed").LocalCluster
+distributed = pytest.importorskip("distributed")
+LocalCluster = distributed.LocalCluster
 BALL = icosphere(2)
 
 
@@ -142,6 +143,27 @@ def test_an_address_without_a_scheduler_and_a_missing_extra_are_one_line(tmp_pat
     said = capsys.readouterr().err
     assert 'pip install "cascadenorm[cluster]"' in said and len(said.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("stalls", [1, dask_cluster.START_ATTEMPTS])
+def test_a_machine_too_busy_to_start_dask_is_tried_again(cluster, monkeypatch, stalls):
+    """A client of Dask fails with a bare AssertionError where its thread does not begin within 10 s."""
+    client, left = distributed.Client, [None] * stalls
+
+    def stalling(*args, **options):
+        assert not left or left.pop()
+        return client(*args, **options)
+
+    monkeypatch.setattr(distributed, "Client", stalling)
+    if stalls < dask_cluster.START_ATTEMPTS:
+        with on_cluster(cluster[0], workers=1, folder=None) as each:
+            assert list(each(abs, [-1])) == [1]
+    else:
+        with (
+            pytest.raises(WorkerError, match="Dask did not start: the machine is too busy"),
+            on_cluster(cluster[0], workers=1, folder=None),
+        ):
+            pass
 
 
 @LINUX
