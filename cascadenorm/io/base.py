@@ -246,7 +246,7 @@ class MeshFile(ABC):
         Raises
         ------
         MeshError
-            The shape is wrong, or a number is not finite in the number type of the file.
+            The shape is wrong, or a number is masked or not finite in the number type of the file.
         """
         mesh = self.mesh
         given = as_array(vertices, MeshError("vertices are a list whose rows have different lengths"))
@@ -254,6 +254,8 @@ class MeshFile(ABC):
             raise MeshError(f"vertices have shape {given.shape}; the mesh of this file has {mesh.vertices.shape}")
         if given.dtype.kind not in "fiu":
             raise MeshError(f"vertices have type {given.dtype}; they must be numbers")
+        if np.ma.is_masked(vertices):
+            raise MeshError("vertices have masked coordinates; all of them must be numbers")
         wanted = given.astype(np.float64, copy=False)
         kind, welds = self.positions.dtype, self.welds
         with np.errstate(over="ignore", invalid="ignore"):

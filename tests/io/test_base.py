@@ -68,6 +68,7 @@ def test_wrong_shape_and_infinite_vertices_are_refused(data):
         ([[1], [2, 3]], "vertices are a list whose rows have different lengths"),
         (np.full((4, 3), "1"), "vertices have type <U1; they must be numbers"),
         (np.ones((4, 3), complex), "vertices have type complex128; they must be numbers"),
+        (np.ma.masked_equal(np.eye(4, 3), 1.0), "vertices have masked coordinates; all of them must be numbers"),
     ],
 )
 def test_only_numbers_can_be_vertices_of_a_file(given, words, tetrahedron):
