@@ -37,6 +37,7 @@ def test_adversarial_meshes_come_out_finite(name, mesh):
     np.testing.assert_array_equal(out[loose], vertices[loose])
 
 
+@pytest.mark.compiled
 @of_each_mesh
 @pytest.mark.parametrize("method", ["laplacian", "bilateral-normal"])
 def test_adversarial_meshes_come_out_finite_under_all_controls(method, mesh):

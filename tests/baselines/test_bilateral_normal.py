@@ -19,6 +19,7 @@ from cascadenorm.mesh import Mesh, unit
 ROUGH = noisy(icosphere(2), 0.2)
 
 
+@pytest.mark.compiled
 @settings(max_examples=20)
 @given(st.floats(0.05, 2), st.floats(0.2, 3), st.sampled_from([1, 2]), st.sampled_from(["skip", "count"]))
 def test_a_pass_equals_its_formula(sigma_r, sigma_s, ring, center):

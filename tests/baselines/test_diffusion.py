@@ -134,6 +134,7 @@ def test_two_steps_rebuild_the_laplacian():
     np.testing.assert_allclose(mean_curvature_flow(mesh, step=0.3, iterations=2), expected, atol=1e-9)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("weights", ["uniform", "cotan"])
 @pytest.mark.parametrize("step", [1e3, 1e15, 1e307])
@@ -147,6 +148,7 @@ def test_implicit_steps_of_any_length_keep_the_mean_of_each_component(order, wei
         assert np.ptp(after, axis=0).max() < np.ptp(before, axis=0).max()
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("flow", [mean_curvature_flow, anisotropic_diffusion])
 @pytest.mark.parametrize("step", [1e2, 1e4, 1e20])
 def test_a_mesh_that_long_steps_collapse_stays_at_its_place(flow, step):
@@ -154,6 +156,7 @@ def test_a_mesh_that_long_steps_collapse_stays_at_its_place(flow, step):
     assert abs(flow(mesh, step=step, iterations=6)).max() < 0.1
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("flow", [mean_curvature_flow, anisotropic_diffusion])
 def test_long_steps_do_not_throw_an_open_sheet_far_away(flow):
     sheet = noisy(grid(10, 12), 0.2)

@@ -36,6 +36,7 @@ def test_a_plane_stays(name):
     np.testing.assert_allclose(methods()[name](grid(8, 8)), grid(8, 8).vertices, atol=1e-12)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", KEEP_EDGES)
 def test_an_edge_and_a_noise_free_cube_stay(name):
     for mesh in (bent_sheet(8),) if name in CUT_CORNERS else (bent_sheet(8), cube(5)):
@@ -60,6 +61,7 @@ def test_in_plane_noise_of_a_sheet_stays_in_its_plane(name):
     np.testing.assert_allclose(out[:, 2], 0, atol=1e-12)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("name", "spread"),
     [

@@ -24,6 +24,7 @@ def test_with_cotangent_weights_thin_faces_come_nearer_to_their_normals():
     assert errors[1] < 0.8 * errors[0]
 
 
+@pytest.mark.compiled
 def test_errors_of_the_normals_of_elongated_faces_do_not_grow():
     sheet = grid(100, 16)
     angle, along = 2 * np.pi * sheet.vertices[:, 0] / 16, sheet.vertices[:, 1] / 50

@@ -169,6 +169,7 @@ def test_vertices_without_a_face_count_nowhere():
     assert vars(measure(*stray)) == pytest.approx(vars(measure(rough, clean)), rel=1e-12)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("mesh", "told"),
     [
@@ -182,6 +183,7 @@ def test_meshes_that_have_nothing_to_do_with_each_other_are_refused(mesh, told):
         measure(mesh, BALL)
 
 
+@pytest.mark.compiled
 def test_a_part_of_the_reference_and_a_rough_mesh_are_measured():
     cap = Mesh(BALL.vertices, BALL.faces[BALL.centroids[:, 2] > 0.9])
     assert measure(cap, BALL).normal_error_deg == 0

@@ -1,6 +1,7 @@
 """A search finds what is near along the surface, and nothing beyond."""
 
 import numpy as np
+import pytest
 from shapes import grid, icosphere, noisy
 
 from cascadenorm.geometry.neighborhoods import (
@@ -29,6 +30,7 @@ def test_finds_all_points_within_the_radius_of_a_connected_mesh():
     assert pocket < 0.01 * len(found.indices)  # near in space, but only joined by points that are not
 
 
+@pytest.mark.compiled
 def test_finds_at_most_so_many_and_those_of_the_nearest_rings():
     sheet = grid(20, 20)
     count = len(sheet.faces)
@@ -67,6 +69,7 @@ def test_faces_are_found_in_the_order_of_the_graph_of_faces_that_share_a_vertex(
             assert found.row(i).tolist() == expected.row(i)[:most].tolist()
 
 
+@pytest.mark.compiled
 def test_a_group_of_faces_finds_the_neighbourhood_of_each_member():
     crumpled = noisy(icosphere(3), 0.7)
     around, radius = crumpled.topology.vertex_faces, 2.5 * crumpled.mean_edge_length

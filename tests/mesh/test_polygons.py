@@ -37,6 +37,7 @@ def test_polygons_that_no_corner_sees_whole_are_cut_into_ears():
             assert np.linalg.norm(mesh.area_vectors.sum(axis=0)) == pytest.approx(area)  # none against another
 
 
+@pytest.mark.compiled
 def test_a_spiral_is_cut_whole():
     """The area is that of the shoelace formula; as many comparisons as corners squared take well below a second."""
     turn = np.linspace(0, 40 * np.pi, 2000)

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -53,6 +54,7 @@ def test_all_faces_around_a_vertex_are_neighbours():
         assert sorted(row(rings, f)) == sorted(set(range(MOST_AROUND + 1)) - {f})
 
 
+@pytest.mark.compiled
 def test_neighbourhoods_grow_with_the_number_of_faces_on_an_edge_and_not_with_its_square():
     sizes = [len(leaves(count).topology.face_rings(1).indices) for count in (1000, 2000, 4000)]
     assert sizes[0] <= 1000 * 2 * MOST_AROUND
@@ -72,6 +74,7 @@ def test_bounded_neighbourhoods_are_mutual_and_those_of_a_part_of_the_mesh():
     assert set(kept[row(part, int(np.searchsorted(kept, 500)))]) == neighbors[500]
 
 
+@pytest.mark.compiled
 def test_the_second_ring_is_the_union_of_the_neighbours_of_the_first():
     rings = [leaves(300).topology.face_rings(ring) for ring in (1, 2)]
     first = [set(row(rings[0], f)) for f in range(300)]

@@ -83,6 +83,7 @@ def test_values_between_vertices_are_seen_in_perspective():
     assert abs(expected - covered.mean()) > 8  # where it would lie without perspective
 
 
+@pytest.mark.compiled
 def test_a_wireframe_has_lines_along_the_edges_only():
     square = grid(2, 2)
     view = parallel(square)

@@ -65,6 +65,7 @@ def test_what_has_no_value_is_grey():
     assert 900 < len(grey) < 1250 and np.median(grey) <= 255 * named_colors("unknown").max()
 
 
+@pytest.mark.compiled
 def test_smooth_shading_of_a_sphere_has_no_steps():
     ball = icosphere(2)
     flat, smooth = (render(ball, view=(0, 0, 1), size=(100, 100), smooth=on).astype(int) for on in (False, True))
