@@ -33,6 +33,15 @@ def cluster(tmp_path_factory):
         yield found
 
 
+@pytest.fixture(scope="session")
+def run_forked():
+    """Runs a program in a process that need not import numba again."""
+    from forked import forking
+
+    with forking() as run:
+        yield run
+
+
 @pytest.fixture(scope="module")
 def browser():
     """A browser for reports."""

@@ -1,13 +1,11 @@
 """Kernels that come with the package are taken where they fit, and compiled where they do not."""
 
-import os
 import platform
 import shutil
-import subprocess
-import sys
 
 import numba
 import pytest
+from forked import run_alone
 from llvmlite.binding import get_host_cpu_features
 
 from cascadenorm.compute.shipped_kernels import PROCESSORS, shipped_processor
@@ -40,22 +38,23 @@ if "ship" in sys.argv:
 COMPILED, TAKEN = (["[0.0, 2.0, 4.0, 3.0] 0"] * 2, ["[0.0, 2.0, 4.0, 3.0] 1", "[0.0, 2.0, 4.0, 3.0] 2"])
 
 
-def run(folder, kept, *words, factor=2, before="", **environment):
-    """Run the module with the kernels that were kept in a folder; what it prints."""
+SHIPPED = {"NUMBA_CPU_NAME": NAME, "NUMBA_CPU_FEATURES": ""}
+"""Variables of a process that compiles kernels as they are shipped."""
+
+
+def run(process, folder, kept, *words, factor=2, before="", **variables):
+    """Run the module in a process with the kernels that were kept in a folder; what it prints."""
     (folder / "module.py").write_text(MODULE.format(factor=factor, before=before))
-    environment = os.environ | environment | {"NUMBA_CACHE_DIR": str(folder / kept), "NUMBA_DISABLE_JIT": "0"}
-    command = [sys.executable, "module.py", *words]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+    variables |= {"NUMBA_CACHE_DIR": str(folder / kept), "NUMBA_DISABLE_JIT": "0"}
+    return process(folder / "module.py", *words, **variables).splitlines()
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, run_forked):
     """A folder with the module, and its kernel for both types as it is shipped."""
     folder = tmp_path_factory.mktemp("made")
-    run(folder, "own")  # compiled for this very processor: not shipped
-    assert run(folder, "own", "ship", NUMBA_CPU_NAME=NAME, NUMBA_CPU_FEATURES="") == COMPILED
+    run(run_forked, folder, "own")  # compiled for this very processor: not shipped
+    assert run(run_alone, folder, "own", "ship", **SHIPPED) == COMPILED
     assert len(list((folder / "shipped").iterdir())) == 2
     return folder
 
@@ -68,7 +67,7 @@ def shipped(made, tmp_path):
 
 @compiled_only
 def test_a_first_run_takes_what_was_shipped_and_keeps_nothing(shipped):
-    assert run(shipped, "empty") == TAKEN
+    assert run(run_alone, shipped, "empty") == TAKEN
     assert not [path for path in (shipped / "empty").rglob("*") if path.is_file()]
 
 
@@ -84,31 +83,32 @@ def test_a_first_run_takes_what_was_shipped_and_keeps_nothing(shipped):
     ],
     ids=["source", "numba", "llvmlite", "python", "processor"],
 )
-def test_another_one_compiles(shipped, setting, value):
+def test_another_one_compiles(run_forked, shipped, setting, value):
     if NAME == "generic" and setting == "NUMBA_CPU_NAME":
         pytest.skip("that is what kernels are shipped for here")
-    features = {"NUMBA_CPU_FEATURES": ""} if setting == "NUMBA_CPU_NAME" else {}
-    lines = run(shipped, "empty", **{setting: value}, **features)
+    other = setting == "NUMBA_CPU_NAME"  # which a process reads before it compiles anything
+    process, features = (run_alone, {"NUMBA_CPU_FEATURES": ""}) if other else (run_forked, {})
+    lines = run(process, shipped, "empty", **{setting: value}, **features)
     assert [line.split()[-1] for line in lines] == ["0", "0"]
     assert lines[0].startswith("[0.0, 3.0, 6.0, 3.0]" if setting == "factor" else "[0.0, 2.0, 4.0, 3.0]")
 
 
 @compiled_only
-def test_another_source_of_a_kernel_that_it_calls_compiles(tmp_path):
+def test_another_source_of_a_kernel_that_it_calls_compiles(run_forked, tmp_path):
     helper = "from cascadenorm.compute.kernels import kernel\n\n@kernel\ndef amount():\n    return {}\n"
     calling = {"factor": "amount()", "before": "from helper import amount"}
     (tmp_path / "helper.py").write_text(helper.format("2.0"))
-    assert run(tmp_path, "own", "ship", **calling, NUMBA_CPU_NAME=NAME, NUMBA_CPU_FEATURES="") == COMPILED
-    assert run(tmp_path, "empty", **calling) == TAKEN
+    assert run(run_alone, tmp_path, "own", "ship", **calling, **SHIPPED) == COMPILED
+    assert run(run_forked, tmp_path, "empty", **calling) == TAKEN
     (tmp_path / "helper.py").write_text(helper.format("3.00"))  # of another size, so that Python sees the change
-    assert run(tmp_path, "other", **calling) == ["[0.0, 3.0, 6.0, 3.0] 0"] * 2
+    assert run(run_forked, tmp_path, "other", **calling) == ["[0.0, 3.0, 6.0, 3.0] 0"] * 2
 
 
 @compiled_only
-def test_where_a_file_is_damaged_the_kernel_is_compiled(shipped):
+def test_where_a_file_is_damaged_the_kernel_is_compiled(run_forked, shipped):
     for path in (shipped / "shipped").iterdir():
         path.write_bytes(path.read_bytes()[:100])
-    assert run(shipped, "empty") == COMPILED
+    assert run(run_forked, shipped, "empty") == COMPILED
 
 
 @pytest.mark.parametrize(
