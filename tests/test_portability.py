@@ -16,6 +16,7 @@ import pytest
 from shapes import icosphere, noisy
 
 import cascadenorm as cn
+from cascadenorm.cli import run
 from cascadenorm.io.interop import save_mesh
 from cascadenorm.mesh import Mesh
 
@@ -53,6 +54,17 @@ def meshes(tmp_path_factory):
     return folder
 
 
+def words(folder):
+    """The command that denoises the meshes of the working directory into a folder."""
+    return ["denoise-regions", *NAMES, *OPTIONS, "-o", str(folder / "out")]
+
+
+def results(folder, printed):
+    """What was written and reported."""
+    files = json.loads(printed)["files"]
+    return [(folder / "out" / name).read_bytes() for name in NAMES], [file["mean_displacement"] for file in files]
+
+
 def outputs(meshes, folder, point=".", first="", **variables):
     """Denoise the meshes in a process with other environment variables; what was written and reported.
 
@@ -63,22 +75,29 @@ def outputs(meshes, folder, point=".", first="", **variables):
     """
     dropped = {"LANG", "PYTHONUTF8", *(name for name in os.environ if name.startswith("LC_"))}
     environment = {name: value for name, value in os.environ.items() if name not in dropped} | variables
-    words = [point, "denoise-regions", *NAMES, *OPTIONS, "-o", str(folder / "out")]
-    done = subprocess.run(
-        [sys.executable, "-c", first + PROGRAM, *words], cwd=meshes, env=environment, capture_output=True
-    )
+    command = [sys.executable, "-c", first + PROGRAM, point, *words(folder)]
+    done = subprocess.run(command, cwd=meshes, env=environment, capture_output=True)
     assert done.returncode == 0, done.stderr.decode(errors="replace")
-    files = json.loads(done.stdout)["files"]
-    return [(folder / "out" / name).read_bytes() for name in NAMES], [file["mean_displacement"] for file in files]
+    return results(folder, done.stdout)
 
 
-@pytest.fixture(scope="module")
-def usual(meshes, tmp_path_factory):
-    return outputs(meshes, tmp_path_factory.mktemp("usual"), PYTHONUTF8="1")
+@pytest.fixture
+def usual(meshes, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(meshes)
+    assert run(words(tmp_path / "usual")) == 0
+    return results(tmp_path / "usual", capsys.readouterr().out)
 
 
-def test_texts_are_not_in_the_encoding_of_the_locale(meshes, usual, tmp_path):
-    assert outputs(meshes, tmp_path, PYTHONUTF8="0", LC_ALL="C") == usual
+@pytest.fixture
+def home(tmp_path):
+    """A home of a user with a name of many characters."""
+    made = tmp_path / "Jürgen Müller's home ☃"
+    made.mkdir()
+    return made
+
+
+def test_texts_and_the_home_are_not_in_the_encoding_of_the_locale(meshes, usual, home):
+    assert outputs(meshes, home, PYTHONUTF8="0", LC_ALL="C", HOME=str(home)) == usual
 
 
 def test_numbers_have_points_where_the_locale_has_commas(meshes, usual, tmp_path):
@@ -90,13 +109,8 @@ def test_numbers_have_points_where_the_locale_has_commas(meshes, usual, tmp_path
     assert outputs(meshes, tmp_path, ",", LOCPATH=str(tmp_path), LC_ALL=GERMAN, PYTHONUTF8="0") == usual
 
 
-def test_the_home_need_not_be_one_that_can_be_written(meshes, usual, tmp_path):
-    assert outputs(meshes, tmp_path, HOME=os.devnull, XDG_CACHE_HOME=os.devnull) == usual
-
-
-def test_the_home_may_have_any_name(meshes, usual, tmp_path):
-    home = tmp_path / "Jürgen Müller's home ☃"
-    home.mkdir()
+@pytest.mark.slow  # compiles all that the command needs; test_kernel_cache.py keeps one kernel in such a folder
+def test_kernels_may_be_kept_in_a_home_with_any_name(meshes, usual, home, tmp_path):
     kernels = home / "kernels"
     variables = {"HOME": str(home), "NUMBA_CACHE_DIR": str(kernels)}
     assert outputs(meshes, home, **variables) == usual
@@ -104,8 +118,8 @@ def test_the_home_may_have_any_name(meshes, usual, tmp_path):
     assert outputs(meshes, tmp_path, **variables) == usual  # with the kernels that lie there now
 
 
-def test_calls_that_windows_lacks_are_not_needed(meshes, usual, tmp_path):
-    assert outputs(meshes, tmp_path, first=WITHOUT) == usual
+def test_neither_a_home_that_can_be_written_nor_calls_that_windows_lacks_are_needed(meshes, usual, tmp_path):
+    assert outputs(meshes, tmp_path, first=WITHOUT, HOME=os.devnull, XDG_CACHE_HOME=os.devnull) == usual
 
 
 def test_processes_are_spawned_not_forked():

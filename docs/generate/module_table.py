@@ -6,6 +6,7 @@ in an order in which each imports only earlier ones. The build of the site write
 
 import ast
 import re
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -84,6 +85,7 @@ def in_order(imports: dict[str, set[str]]) -> list[str]:
     return sorted(height, key=lambda room: (height[room], room))
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Return the rooms that a module imports."""
     names = set()

@@ -31,11 +31,11 @@ for dtype in (np.float64, np.float32):
 def run_twice(run_forked, tmp_path):
     """Runs the module; what it prints."""
 
-    def run(before: str = "", process=run_forked) -> str:
+    def run(before: str = "", process=run_forked, kept: str = "kept") -> str:
         module = tmp_path / "module.py"
         if not module.exists():  # older releases of numba take a file that was written again for another
             module.write_text(before + TWICE)
-        return process(module, NUMBA_CACHE_DIR=str(tmp_path / "kept"), NUMBA_DISABLE_JIT="0")
+        return process(module, NUMBA_CACHE_DIR=str(tmp_path / kept), NUMBA_DISABLE_JIT="0")
 
     return run
 
@@ -90,6 +90,12 @@ if os.path.exists("locked"):
     assert run_twice(locked).split("\n") == [out + "0", out + "0", ""]
     (tmp_path / "locked").touch()
     assert run_twice(locked).split("\n") == [out + "1", out + "2", ""]
+
+
+def test_the_folder_of_kernels_may_have_any_name(run_twice):
+    out, kept = "[0.0, 2.0, 4.0, 3.0] ", "Jürgen Müller's kernels ☃"
+    assert run_twice(kept=kept).split("\n") == [out + "0", out + "0", ""]
+    assert run_twice(kept=kept).split("\n") == [out + "1", out + "2", ""]
 
 
 def test_a_full_disk_keeps_nothing_and_stops_nobody(run_twice, tmp_path):

@@ -11,8 +11,8 @@ from pathlib import Path
 SERVER = """
 import json, os, runpy, sys, traceback
 import numba
-import cascadenorm.compute.kernels
 numba.njit(lambda a: a)(1)
+import cascadenorm.compute.kernels  # measures the time of what is compiled from here on
 
 for line in sys.stdin:
     path, arguments, environment = json.loads(line)
@@ -57,7 +57,8 @@ def forking() -> Iterator[Callable[..., str]]:
         yield run_alone
         return
     command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", SERVER]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, **pipes, text=True) as server:
 
         def run(path: Path, *arguments: str, **variables: str) -> str:
             print(json.dumps([str(path), arguments, os.environ | variables]), file=server.stdin, flush=True)

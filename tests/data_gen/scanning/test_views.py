@@ -1,6 +1,7 @@
 """Scans out of a volume: on the surface without error, on lattice edges with it, slivers in one piece with the rest."""
 
 import contextlib
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from cascadenorm.mesh import unit
 BALL = fields.sphere(radius=1)
 
 
+@cache
 def scan_of(field, *, level: float, seed: int) -> Measured:
     """Draw again where triangles fold, as data sets do."""
     for attempt in range(20):
@@ -42,8 +44,8 @@ def test_the_clean_mesh_is_the_surface_beneath_the_noisy_one():
 
 def test_more_error_of_the_cameras_is_more_error_of_the_scan():
     far = [
-        np.median([np.abs(np.linalg.norm(scan_of(BALL, level=level, seed=seed).noisy.vertices, axis=1) - 1).mean()
-                   for seed in range(8)])
+        np.mean([np.abs(np.linalg.norm(scan_of(BALL, level=level, seed=seed).noisy.vertices, axis=1) - 1).mean()
+                 for seed in range(4)])
         for level in (0.0, 0.1, 0.4)
     ]  # fmt: skip
     assert far[0] < 0.8 * far[1] < 0.7 * far[2]
