@@ -71,7 +71,10 @@ def test_which_methods_work_in_patches():
 
 
 @LINUX
-@pytest.mark.parametrize("method", ["bilateral-normal", "auto"])
+@pytest.mark.parametrize(
+    "method",
+    ["bilateral-normal", pytest.param("auto", marks=pytest.mark.slow)],  # each worker loads the weights
+)
 def test_workers_give_the_result_of_this_process(place, cluster, method, monkeypatch):
     monkeypatch.setattr(patch_sizes, "MAX_PATCH_FACES", 2400)
     save_mesh(place / "scan.ply", RIBBON if method == "auto" else BALL)
