@@ -17,6 +17,7 @@ from cascadenorm.baselines.iterated_bilateral import _filter_face, iterated_bila
 
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 BALL = noisy(icosphere(2), 0.3)
+HELPERS = str(Path(__file__).parents[1] / "helpers")
 OTHER_RELEASES = {
     "modules moved": """
 import builtins
@@ -56,17 +57,19 @@ print(sha256(denoise(noisy(icosphere(2), 0.3)).vertices.tobytes()).hexdigest())
 
 def run(code: str, **environment: str) -> list[str]:
     """Run code in a process of its own and return what it prints."""
-    command = [sys.executable, "-c", code, str(Path(__file__).parents[1] / "helpers")]
+    command = [sys.executable, "-c", code, HELPERS]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
 
 
 @compiled_only
-def test_with_another_llvmlite_plain_loops_filter_to_the_same_bytes():
+def test_with_another_llvmlite_plain_loops_filter_to_the_same_bytes(tmp_path, run_forked):
     assert iterated_bilateral._compiled(*range(7)) is not _filter_face
     (normals,) = iterated_bilateral_normals(BALL, sigma_r=(0.1, 0.2, 0.5, 1.0), passes=(9,))
-    assert run(OTHER_RELEASES["class renamed"] + FILTERED) == ["True", digest(normals)]
+    (tmp_path / "program.py").write_text(OTHER_RELEASES["class renamed"] + FILTERED)
+    printed = run_forked(tmp_path / "program.py", HELPERS).splitlines()  # with a warning
+    assert {"True", digest(normals)} <= set(printed)
 
 
 @compiled_only

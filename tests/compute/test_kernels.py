@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from forked import run_alone
 
 FIRST_RUN = """
 import numba.core.event as events
@@ -43,11 +44,9 @@ def test_the_first_run_compiles_few_functions_and_no_text_or_sort_of_numba(tmp_p
     assert len(compiled) <= 110
 
 
-def test_a_further_process_compiles_nothing_and_loads_nothing_that_numba_compiles_from():
+def test_a_further_process_compiles_nothing_and_loads_nothing_that_numba_compiles_from(tmp_path, run_forked):
     """Limits of numbers in a kernel, as numpy names them, bring both back: a quarter of a second in each command."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "0"}
     code = FIRST_RUN + "import sys\nprint(*{'numba.np.linalg', 'scipy.linalg'} & set(sys.modules))\n"
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == []
+    (tmp_path / "program.py").write_text(code)
+    run_forked(tmp_path / "program.py", NUMBA_DISABLE_JIT="0")  # compiles what is not yet kept
+    assert run_alone(tmp_path / "program.py", NUMBA_DISABLE_JIT="0").split() == []
