@@ -58,7 +58,8 @@ def forking() -> Iterator[Callable[..., str]]:
         return
     command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", SERVER]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    with subprocess.Popen(command, **pipes, text=True) as server:
+    compiling = os.environ | {"NUMBA_DISABLE_JIT": "0"}  # whether a program compiles is for its own variables to say
+    with subprocess.Popen(command, **pipes, env=compiling, text=True) as server:
 
         def run(path: Path, *arguments: str, **variables: str) -> str:
             print(json.dumps([str(path), arguments, os.environ | variables]), file=server.stdin, flush=True)
