@@ -57,7 +57,18 @@ def objects(bucket, prefix: str) -> dict[str, bytes]:
     return {one.key.removeprefix(prefix): one.get()["Body"].read() for one in found}
 
 
-def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path, capsys):
+@pytest.fixture
+def asked(monkeypatch) -> list[str]:
+    """The requests to the S3-compatible server."""
+    from werkzeug.serving import WSGIRequestHandler
+
+    found: list[str] = []
+    monkeypatch.setattr(WSGIRequestHandler, "log_request", lambda handler, *_: found.append(handler.requestline))
+    return found
+
+
+def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path, capsys, asked):
+    """It takes as many requests for a file as the plan counts."""
     scans(tmp_path / "scans", 3)
     (tmp_path / "scans" / "a" / "bad.ply").write_text("ply\nno more", encoding="ascii")
     assert run(["batch", "scans", "-o", "local", *FAST, "--workers", "1"]) == 6
@@ -65,8 +76,11 @@ def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path
         bucket.upload_file(str(path), path.relative_to(tmp_path).as_posix())
     root = f"s3://{bucket.name}"
     capsys.readouterr()
+    asked.clear()
     words = ["batch", f"{root}/scans/**/*.ply", "-o", f"{root}/out", *FAST, "--workers", "1", "--manifest", "m.jsonl"]
     assert run(words) == 6
+    of_files = [line for line in asked if "/scans/" in line or "out" in line]  # without the listing of the sources
+    assert len([line for line in of_files if "bad.ply" not in line]) == 3 * REQUESTS
     said = capsys.readouterr().err
     assert said.startswith(f"cascadenorm: {root}/scans/a/bad.ply: ") and said.count("\n") == 1 and "/tmp" not in said
     assert objects(bucket, "out/") == results(tmp_path / "local")
@@ -82,13 +96,17 @@ def test_a_batch_from_and_to_an_object_store_is_that_of_folders(bucket, tmp_path
     save_mesh(tmp_path / "changed.ply", noisy(icosphere(2), 0.1))
     bucket.upload_file(str(tmp_path / "changed.ply"), "scans/b/0.ply")
     bucket.put_object(Key="out/a/0.ply", Body=b"of somebody else")
+    bucket.upload_file(str(tmp_path / "changed.ply"), "scans/b/1.ply")
+    bucket.put_object(Key="out/b/1.ply", Body=b"not in the manifest")
     found = denoise_files(f"{root}/scans", f"{root}/out", method="laplacian", workers=1, manifest="m.jsonl")
-    assert sorted(line["output"] for line in found.lines) == ["a/0.ply", "a/1.ply", "b/0.ply"]
-    (failure,) = found.failures
-    assert failure.source == f"{root}/scans/a/0.ply" and failure.error.remedy == ("force", True)
+    assert sorted(line["output"] for line in found.lines) == ["a/0.ply", "a/1.ply", "b/0.ply", "b/1.ply"]
+    assert sorted(failure.source for failure in found.failures) == [
+        f"{root}/scans/{name}.ply" for name in ("a/0", "b/1")
+    ]
+    for failure in found.failures:
+        assert failure.error.remedy == ("force", True) and "exists already" in str(failure.error)
     assert objects(bucket, "out/a/0")[".ply"] == b"of somebody else"
-    kept = denoise_files(f"{root}/scans/b/0.ply", f"{root}/out/b", method="laplacian", workers=1, manifest="b.jsonl")
-    assert "exists already" in str(kept.failures[0].error)
+    assert objects(bucket, "out/b/1")[".ply"] == b"not in the manifest"
 
 
 def test_names_with_a_hash_or_a_question_mark_are_not_passed_over(bucket, tmp_path):
@@ -98,7 +116,10 @@ def test_names_with_a_hash_or_a_question_mark_are_not_passed_over(bucket, tmp_pa
     root = f"s3://{bucket.name}/scans"
     inside = {job.source: job.output for job in find_jobs(root, "out")}
     assert inside == {f"{root}/{name}": f"out/{name}" for name in ("a#1.ply", "a?1.ply", "a?2.ply", "b#/c.ply")}
-    assert denoise_files(f"{root}/a#1.ply", "out", method="laplacian", workers=1, manifest="m.jsonl").failures == []
+    (job,) = find_jobs(f"{root}/a#1.ply", "out")
+    settings = batch_settings("laplacian", {}, {}, None, force=False)[0]
+    checked = work(settings, Task(job, None))
+    assert work(settings, Task(job, None, checked=True, digest=checked.input_digest)).status == "done"
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a#1.ply"]
 
 
@@ -119,7 +140,9 @@ def test_a_query_is_no_part_of_a_name_on_the_web_alone(url, name, folder):
 def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scans(tmp_path / "scans", 2)
-    assert denoise_files("scans", "local", method="laplacian", workers=1).lines
+    for name in ("a", "b"):
+        (tmp_path / "local" / name).mkdir(parents=True)
+        cn.denoise_file(f"scans/{name}/0.ply", f"local/{name}/0.ply", method="laplacian")
     handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
     monkeypatch.setattr(SimpleHTTPRequestHandler, "log_message", lambda *_: None)
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
@@ -136,21 +159,6 @@ def test_files_of_a_web_server_are_denoised_into_a_folder(tmp_path, monkeypatch)
     finally:
         server.shutdown()
         server.server_close()
-
-
-def test_a_file_takes_as_many_requests_as_the_plan_counts(bucket, tmp_path, monkeypatch):
-    from werkzeug.serving import WSGIRequestHandler
-
-    scans(tmp_path / "scans", 4)
-    for path in (tmp_path / "scans").rglob("*.ply"):
-        bucket.upload_file(str(path), path.relative_to(tmp_path).as_posix())
-    asked: list[str] = []
-    monkeypatch.setattr(WSGIRequestHandler, "log_request", lambda handler, *_: asked.append(handler.requestline))
-    root = f"s3://{bucket.name}"
-    found = denoise_files(f"{root}/scans/**/*.ply", f"{root}/out", method="laplacian", workers=1, manifest="m.jsonl")
-    assert len(found.lines) == 4 and not found.failures
-    of_files = [line for line in asked if "/scans/" in line or "out" in line]  # without the listing of the sources
-    assert len(of_files) == 4 * REQUESTS
 
 
 class Overwritten(SimpleHTTPRequestHandler):
@@ -221,6 +229,7 @@ def test_a_server_that_falls_silent_within_a_file_is_an_error_and_may_be_asked_a
         server.shutdown()
 
 
+@pytest.mark.slow  # two more processes; test_watching.py has a folder that is gone for a while
 def test_a_watch_goes_on_when_its_server_does_not_answer_for_a_while(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scans(tmp_path / "scans", 2)
