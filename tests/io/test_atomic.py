@@ -28,26 +28,32 @@ from cascadenorm.io.atomic import (
 from cascadenorm.io.interop import save_mesh
 
 FAST = ["--method", "laplacian"]
-MAIN = "from cascadenorm.cli import main; main()"
 STOPPED = """
 import os, sys, time
 from pathlib import Path
 from cascadenorm.io.atomic import write_atomically
 
 def stop(*_):
-    print(flush=True)
+    os.write(1, b"stopped\\n")
     while True:  # until it is killed
         time.sleep(60)
 
 def pieces():
     yield b"new" * 100_000
-    if sys.argv[2] == "writing":
+    if stage == "writing":
         stop()
 
-if sys.argv[2] != "writing":
-    setattr(os, sys.argv[2], stop)
-write_atomically(Path(sys.argv[1]), pieces(), force=True)
+for name in sys.argv[1:]:  # a process for each
+    if os.fork() == 0:
+        stage = name.split("-")[0]
+        if stage != "writing":
+            setattr(os, stage, stop)
+        write_atomically(Path(name, "out.ply"), pieces(), force=True)
+        os.write(1, name.encode() + b" was not stopped\\n")
+        break
+stop()
 """
+STAGES = [f"{stage}-{old}" for stage in ("writing", "fsync", "replace") for old in ("none", "old")] + ["chmod-old"]
 
 
 @pytest.fixture
@@ -58,24 +64,33 @@ def ball(tmp_path, monkeypatch) -> Path:
     return tmp_path / "ball.ply"
 
 
-@pytest.mark.parametrize(
-    ("stage", "old"),
-    [(stage, old) for stage in ("writing", "fsync", "replace") for old in (None, b"old")] + [("chmod", b"old")],
-)
-def test_a_killed_process_leaves_what_was_there(tmp_path, stage, old):
-    target = tmp_path / "out.ply"
-    if old is not None:
-        target.write_bytes(old)
-    with subprocess.Popen([sys.executable, "-c", STOPPED, str(target), stage], stdout=subprocess.PIPE) as process:
-        process.stdout.readline()
-        process.send_signal(signal.SIGKILL)
-    assert (target.read_bytes() if target.exists() else None) == old
-    rest = [path.name for path in tmp_path.iterdir() if path != target]
-    assert all(name.startswith(".") and name.endswith(".part") for name in rest)
-    remove_unfinished([tmp_path / "out.obj"])
-    assert [path.name for path in tmp_path.iterdir() if path != target] == rest  # another output, of the same stem
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory) -> Path:
+    """A folder for each stage of the writing of a file, at which a process was killed."""
+    root = tmp_path_factory.mktemp("killed")
+    for name in STAGES:
+        (root / name).mkdir()
+        if name.endswith("-old"):
+            (root / name / "out.ply").write_bytes(b"old")
+    command = [sys.executable, "-c", STOPPED, *STAGES]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=root, start_new_session=True) as process:
+        said = [process.stdout.readline() for _ in range(len(STAGES) + 1)]  # that of the process that started them too
+        os.killpg(process.pid, signal.SIGKILL)
+    assert set(said) == {b"stopped\n"}
+    return root
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+@pytest.mark.parametrize("name", STAGES)
+def test_a_killed_process_leaves_what_was_there(killed, name):
+    folder, target = killed / name, killed / name / "out.ply"
+    assert (target.read_bytes() if target.exists() else None) == (b"old" if name.endswith("-old") else None)
+    rest = [path.name for path in folder.iterdir() if path != target]
+    assert rest and all(name.startswith(".") and name.endswith(".part") for name in rest)
+    remove_unfinished([folder / "out.obj"])
+    assert [path.name for path in folder.iterdir() if path != target] == rest  # another output, of the same stem
     remove_unfinished([target])
-    assert [path for path in tmp_path.iterdir() if path != target] == []
+    assert [path for path in folder.iterdir() if path != target] == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
@@ -95,13 +110,25 @@ def test_new_files_have_the_permissions_of_new_files_and_others_keep_theirs(tmp_
     assert (tmp_path / "new.ply").stat().st_mode & 0o777 == 0o640
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])  # SIGHUP: its terminal is closed
-def test_a_terminated_command_removes_its_temporary_file(ball, name):
-    number = getattr(signal, name, None) or pytest.skip("Windows has no such signal")
-    code = f"import os, signal\nsignal.signal({number:d}, signal.SIG_DFL)\n"  # under nohup, SIGHUP is ignored
-    code += f"os.fsync = lambda handle: os.kill(os.getpid(), {number:d})\n" + MAIN
-    done = subprocess.run([sys.executable, "-c", code, "denoise", "ball.ply", *FAST])
-    assert done.returncode == 128 + number
+TERMINATED = """
+import os, signal
+import cascadenorm.api.api, cascadenorm.cli.program
+from cascadenorm.cli import main
+for number in (signal.SIGTERM, signal.SIGHUP):  # SIGHUP: its terminal is closed
+    signal.signal(number, signal.SIG_DFL)  # under nohup, SIGHUP is ignored
+    child = os.fork()
+    if child == 0:
+        os.fsync = lambda handle: os.kill(os.getpid(), number)
+        main()
+    print(number - os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+def test_a_terminated_command_removes_its_temporary_file(ball):
+    command = [sys.executable, "-c", TERMINATED, "denoise", "ball.ply", *FAST]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
+    assert done.stdout.split() == ["-128", "-128"]
     assert os.listdir() == ["ball.ply"]
 
 
@@ -135,13 +162,29 @@ def test_a_full_device_is_one_line_and_exit_code_5(ball, capsys):
     assert capsys.readouterr().err == "cascadenorm: /dev/full cannot be written: No space left on device\n"
 
 
+TWICE = """
+import os, sys
+import cascadenorm.api.api, cascadenorm.cli.program
+from cascadenorm.cli import main
+if child := os.fork():
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    print("exit code", code, file=sys.stderr)
+    main(["methods"])
+main()
+"""
+
+
 @FULL
-@pytest.mark.parametrize("words", [["denoise", "ball.ply", *FAST, "-o", "-"], ["methods"]])
-def test_a_full_stdout_is_one_line_and_exit_code_5(ball, words):
+def test_a_full_stdout_is_one_line_and_exit_code_5(ball):
+    """Of a mesh, and of text."""
+    words = ["denoise", "ball.ply", *FAST, "-o", "-"]
     with open("/dev/full", "wb") as full:
-        done = subprocess.run([sys.executable, "-c", MAIN, *words], stdout=full, stderr=subprocess.PIPE)
+        done = subprocess.run([sys.executable, "-c", TWICE, *words], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 5
-    assert done.stderr.count(b"\n") == 1 and b"cannot be written: No space left on device" in done.stderr
+    of_mesh, code, of_text = done.stderr.splitlines()
+    assert code == "exit code 5"
+    for line in (of_mesh, of_text):
+        assert line.endswith("cannot be written: No space left on device")
 
 
 def test_of_several_files_none_is_new_unless_all_are_complete(tmp_path):
@@ -294,20 +337,31 @@ def test_a_reader_that_leaves_is_an_error():
         write_stream(stream, PIECES)
 
 
+READ_AND_NOT_READ = """
+import os, sys
+from cascadenorm.cli import main, run
+code = run(sys.argv[1:])
+if code:
+    sys.exit(f"exit code {code}")
+read_end, write_end = os.pipe()
+os.close(read_end)
+os.dup2(write_end, 1)
+main()
+"""
+
+
 def test_the_command_line_writes_all_without_buffers(tmp_path):
     """A reader that leaves early, and one that stays, with an unbuffered stdout."""
     (tmp_path / "a.ply").write_bytes(PLY_TEXT)
-    command = [sys.executable, "-m", "cascadenorm", "denoise", "a.ply", "-o", "-", "--method", "laplacian"]
+    command = [sys.executable, "-c", READ_AND_NOT_READ, "denoise", "a.ply", "-o", "-", *FAST]
     unbuffered = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    whole = subprocess.run(command, cwd=tmp_path, env=unbuffered, capture_output=True, check=True).stdout
-    assert run([*command[3:4], str(tmp_path / "a.ply"), "-o", str(tmp_path / "b.ply"), *command[-2:]]) == 0
-    assert whole == (tmp_path / "b.ply").read_bytes()
-    read_end, write_end = os.pipe()
-    os.close(read_end)
-    gone = subprocess.run(command, cwd=tmp_path, env=unbuffered, stdout=write_end, stderr=subprocess.PIPE)
-    os.close(write_end)
-    assert gone.returncode == 5
-    assert gone.stderr == b"cascadenorm: the stream was closed by its reader before all was written\n"
+    done = subprocess.run(command, cwd=tmp_path, env=unbuffered, capture_output=True)
+    assert run(["denoise", str(tmp_path / "a.ply"), "-o", str(tmp_path / "b.ply"), *FAST]) == 0
+    assert done.stdout == (tmp_path / "b.ply").read_bytes()
+    assert done.returncode == 5
+    *_, message = done.stderr.splitlines()  # after what it says of the mesh that was written
+    assert message == b"cascadenorm: the stream was closed by its reader before all was written"
+    assert done.stderr.count(b"cascadenorm: ") == 1 and b"Traceback" not in done.stderr
 
 
 # names

@@ -87,7 +87,7 @@ def test_a_file_without_extension_is_written_as_it_was_read(place):
     (place / "ball.ply").rename(place / "ball")
     assert run(["denoise", "ball", *FAST]) == 0
     assert cn.read("ball_denoised").format == "ply"
-    assert run(["fill-holes", "ball"]) == run(["batch", "ball", "-o", "out", *FAST]) == 0
+    assert run(["fill-holes", "ball"]) == run(["batch", "ball", "-o", "out", *FAST, "--workers", "1"]) == 0
     assert cn.read("ball_filled").format == cn.read("out/ball").format == "ply"
 
 
@@ -255,19 +255,20 @@ def test_streams(place):
 
 def test_no_message_follows_a_mesh_on_the_device_of_standard_output(place):
     by_name = command("denoise", "ball.ply", *FAST, "-o", "/dev/stdout")
-    assert by_name.stdout == command("denoise", "ball.ply", *FAST, "-o", "-").stdout != b""
+    assert run(["denoise", "ball.ply", *FAST, "-o", "out.ply"]) == 0
+    assert by_name.stdout == (place / "out.ply").read_bytes()
 
 
-def test_a_stream_has_the_format_that_is_asked_for(place):
+def test_a_stream_has_the_format_that_is_asked_for(place, capsys):
     data = (place / "ball.ply").read_bytes()
     done = command("denoise", "-", *FAST, "--format", "off", stdin=data)
     assert done.returncode == 0 and done.stdout.startswith(b"OFF")
     expected = cn.denoise(ROUGH, method="laplacian").vertices
     np.testing.assert_array_equal(cn.read(io.BytesIO(done.stdout)).mesh.vertices, expected)
-    done = command("denoise", "-", *FAST, "--format", "doc", stdin=data)
-    assert done.returncode == 5 and done.stdout == b"" and b"'doc' cannot be written" in done.stderr
-    done = command("denoise", "ball.ply", *FAST, "--format", "off")
-    assert done.returncode == 2 and b"--format applies to stdout only" in done.stderr
+    code, message = refused(capsys, "denoise", "-", *FAST, "--format", "doc")
+    assert code == 5 and "'doc' cannot be written" in message
+    code, message = refused(capsys, "denoise", "ball.ply", *FAST, "--format", "off")
+    assert code == 2 and "--format applies to stdout only" in message
 
 
 def test_a_report_is_named_when_it_is_written(place, capsys):
