@@ -16,7 +16,7 @@ def test_a_watched_folder_gives_each_file_that_comes(place):
     """That a file is left alone while it still grows is a matter of clocks: `test_a_file_settles_…` has its own."""
     scans(place / "other", 2)
     (place / "in").mkdir()
-    with watching("in", "-o", "in/out", "--watch", "0.2") as process:
+    with watching("in", "-o", "in/out", "--watch", "0.2", "--workers", "1") as process:
         (place / "other" / "a" / "0.ply").rename(place / "in" / "scan.ply")
         wait_for(lambda: done_so_far(place / "in" / "out") == 1, process)
         (place / "other" / "b" / "0.ply").rename(place / "in" / "later.ply")
@@ -31,7 +31,7 @@ def test_a_watch_goes_on_when_its_folder_is_gone_for_a_while_and_where_results_w
     scans(place / "other", 2)
     (place / "other" / "b" / "0.ply").rename(place / "later.ply")
     (place / "other" / "a").rename(place / "in")
-    with watching("in", "-o", "out", "--format", "stl", "--watch", "0.5") as process:
+    with watching("in", "-o", "out", "--format", "stl", "--watch", "0.5", "--workers", "1") as process:
         wait_for(lambda: done_so_far(place / "out") == 1, process)
         (place / "in").rename(place / "away")
         assert process.stderr.readline() == "cascadenorm: in: not there at present: the watch continues\n"
