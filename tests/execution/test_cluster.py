@@ -55,16 +55,16 @@ def pairs(folder: Path, count: int) -> Path:
 def test_pairs_are_generated_to_the_same_bytes_when_workers_are_killed(tmp_path, cluster, count, kills):
     address, process = cluster
     progress = killing(process, *kills)
-    write_pairs(tmp_path / "killed", count=count, seed=3, scheduler=address, progress=progress)
+    write_pairs(tmp_path / "killed", count=count, seed=10, scheduler=address, progress=progress)
     assert not progress.left
-    write_pairs(tmp_path / "undisturbed", count=count, seed=3)
+    write_pairs(tmp_path / "undisturbed", count=count, seed=10)
     assert len(results(tmp_path / "killed")) == 2 * count + 1
     assert results(tmp_path / "killed") == results(tmp_path / "undisturbed")
 
 
 @LINUX
 @pytest.mark.parametrize(
-    ("count", "kills"), [(4, [2, 6]), pytest.param(8, [2, 9, 16], marks=pytest.mark.slow)], ids=["twice", "often"]
+    ("count", "kills"), [(4, [2]), pytest.param(8, [2, 9, 16], marks=pytest.mark.slow)], ids=["once", "often"]
 )
 def test_methods_are_measured_alike_when_workers_are_killed(tmp_path, cluster, count, kills):
     address, process = cluster
@@ -179,11 +179,12 @@ def test_ctrl_c_ends_a_cluster_of_this_machine(tmp_path):
         "--scheduler",
         "local",
         "--workers",
-        "2",
+        "1",
     ]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
         wait_for(lambda: (tmp_path / "out").exists() and any((tmp_path / "out").iterdir()), process)
         workers = children(process.pid)
+        assert workers
         os.killpg(process.pid, signal.SIGINT)
         _, said = process.communicate()
     assert process.returncode == 130 and said == "cascadenorm: interrupted; no file was left half written\n"
