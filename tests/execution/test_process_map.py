@@ -26,9 +26,14 @@ def failing(number: int) -> int:
     return number
 
 
-def test_each_piece_of_work_has_one_thread_and_results_come_in_order():
+@pytest.fixture(scope="module")
+def two_processes():
     with parallel_map(2) as each:
-        found = list(each(most_threads, range(20)))
+        yield each
+
+
+def test_each_piece_of_work_has_one_thread_and_results_come_in_order(two_processes):
+    found = list(two_processes(most_threads, range(20)))
     assert [number for number, *_ in found] == list(range(20))
     assert {threads for _, *threads in found for threads in threads} == {1}
 
@@ -38,13 +43,13 @@ def test_more_processes_than_a_system_can_have_are_no_error():
         assert list(each(abs, [-1])) == [1]
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_an_error_is_raised_where_its_result_is_asked_for(count):
-    with parallel_map(count) as each:
-        results = each(failing, range(5))
-        assert list(islice(results, 3)) == [0, 1, 2]
-        with pytest.raises(ValueError, match="the third"):
-            next(results)
+def test_an_error_is_raised_where_its_result_is_asked_for(two_processes):
+    with parallel_map(1) as this_process:
+        for each in (this_process, two_processes):
+            results = each(failing, range(5))
+            assert list(islice(results, 3)) == [0, 1, 2]
+            with pytest.raises(ValueError, match="the third"):
+                next(results)
 
 
 def test_a_process_that_ends_early_is_a_worker_error():
