@@ -64,6 +64,7 @@ def test_a_worker_that_hangs_is_given_up_and_its_file_tried_again(place):
     assert len(of_batch(place / "out")) == 6
 
 
+@pytest.mark.slow  # a worker is started again
 def test_work_that_takes_too_long_is_stopped_and_its_worker_restarted(place, cluster):
     scans(place / "scans", 1)
     late = denoise_files(place / "scans", place / "out", method="taubin", scheduler=cluster[0], timeout=1e-4, retries=0)

@@ -181,6 +181,7 @@ class Overwritten(SimpleHTTPRequestHandler):
         pass
 
 
+@pytest.mark.slow  # a process; test_work.py has a file of a folder that changes
 def test_a_file_that_is_replaced_while_it_is_read_is_tried_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scans(tmp_path / "new", 1)

@@ -12,6 +12,7 @@ from cascadenorm.batch.watching import SCAN, SCANNING, Watched
 from cascadenorm.io.interop import save_mesh
 
 
+@pytest.mark.slow  # two processes, as the next one, which watches a folder that is gone for a while
 def test_a_watched_folder_gives_each_file_that_comes(place):
     """That a file is left alone while it still grows is a matter of clocks: `test_a_file_settles_…` has its own."""
     scans(place / "other", 2)

@@ -49,9 +49,8 @@ def pairs(folder: Path, count: int) -> Path:
 
 
 @LINUX
-@pytest.mark.parametrize(
-    ("count", "kills"), [(3, [1]), pytest.param(5, [1, 3], marks=pytest.mark.slow)], ids=["once", "twice"]
-)
+@pytest.mark.slow  # workers load all that makes shapes; the next test loses a worker as well
+@pytest.mark.parametrize(("count", "kills"), [(3, [1]), (5, [1, 3])], ids=["once", "twice"])
 def test_pairs_are_generated_to_the_same_bytes_when_workers_are_killed(tmp_path, cluster, count, kills):
     address, process = cluster
     progress = killing(process, *kills)
@@ -167,6 +166,7 @@ def test_a_machine_too_busy_to_start_dask_is_tried_again(cluster, monkeypatch, s
 
 
 @LINUX
+@pytest.mark.slow  # a worker loads all that makes shapes
 def test_ctrl_c_ends_a_cluster_of_this_machine(tmp_path):
     command = [
         sys.executable,
