@@ -174,11 +174,15 @@ def test_pairs_that_cannot_be_read_are_listed_and_the_rest_goes_on(folder, tmp_p
         assert {result.pair.partition("-seed")[0] for result in done.results} == set(SHAPES)
 
 
+@pytest.mark.slow  # two processes load the methods; tests/execution/test_cluster.py evaluates in two as well
 def test_processes_measure_the_same(folder):
     settings = {"methods": ["laplacian", "taubin"], "commands": {"copy": python(COPY)}}
     one, two = (evaluate(folder, workers=workers, **settings) for workers in (1, 2))
     key = [(result.pair, result.method, result.measures) for result in one.results]
     assert [(result.pair, result.method, result.measures) for result in two.results] == key
+
+
+def test_an_evaluation_without_a_process_is_refused(folder):
     with pytest.raises(ParameterError, match="workers is 0"):
         evaluate(folder, methods=[], workers=0)
 

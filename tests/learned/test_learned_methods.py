@@ -58,7 +58,16 @@ def test_a_clean_level_of_a_volume_stays(radius):
     assert mean_angle(cn.denoise(ball), ball) < 0.1
 
 
-@pytest.mark.parametrize("family", ["decimated", "low_poly", "subdivided", "structured", "cad_tessellation"])
+@pytest.mark.parametrize(
+    "family",
+    [
+        "decimated",
+        pytest.param("low_poly", marks=pytest.mark.slow),  # 5 s; other families are quicker
+        "subdivided",
+        "structured",
+        "cad_tessellation",
+    ],
+)
 def test_clean_meshes_of_programs_stay(family):
     config = DatasetConfig(
         seed=1_000_007, families=(family,), min_faces=3000, max_faces=5000, noise_kinds=("none",), relief=0.0
