@@ -79,8 +79,9 @@ def names_of_threads():
         network(torch.ones(2, 3)).sum().backward()
         optimiser.step()
         del weights, network, optimiser, schedule
+    names = [thread.read_text() for thread in Path("/proc/self/task").glob("*/comm")]
     gc.enable()
-    return [thread.read_text() for thread in Path("/proc/self/task").glob("*/comm")]
+    return names
 
 
 def train(name, *words, succeeds=True):
