@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from batches import START
 
 from cascadenorm.batch import cluster_processes
 from cascadenorm.execution import cluster
@@ -17,12 +16,6 @@ LONG_TIMEOUT_S = 600.0
 
 How long they wait for an answer stays as it is: a worker that was killed after its work never gives one.
 """
-COMMAND = [
-    sys.executable,
-    "-c",
-    f"from cascadenorm.batch import cluster_processes as of\nof.WORKER_TIMEOUT_S = {LONG_TIMEOUT_S}\n{START}",
-    "batch",
-]
 CLUSTER = """
 import logging, os, random, signal, sys, time
 import dask
