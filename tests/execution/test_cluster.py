@@ -49,8 +49,14 @@ def pairs(folder: Path, count: int) -> Path:
 
 
 @LINUX
-@pytest.mark.slow  # workers load all that makes shapes; the next test loses a worker as well
-@pytest.mark.parametrize(("count", "kills"), [(3, [1]), (5, [1, 3])], ids=["once", "twice"])
+@pytest.mark.parametrize(
+    ("count", "kills"),
+    [
+        pytest.param(1, [], id="never"),
+        pytest.param(3, [1], id="once", marks=pytest.mark.slow),  # each new worker loads all that makes shapes
+        pytest.param(5, [1, 3], id="twice", marks=pytest.mark.slow),
+    ],
+)
 def test_pairs_are_generated_to_the_same_bytes_when_workers_are_killed(tmp_path, cluster, count, kills):
     address, process = cluster
     progress = killing(process, *kills)
