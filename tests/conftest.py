@@ -13,10 +13,8 @@ sys.path += [str(Path(__file__).parent / "helpers"), str(Path(__file__).parents[
 
 import hypothesis
 import pytest
-from studios import Studio
 
 from cascadenorm.compute import threads
-from cascadenorm.io.interop import save_mesh
 
 threads.SMALLEST_CHUNK = 256  # kernels run on several threads even for the small meshes of tests
 hypothesis.settings.register_profile("any machine", deadline=None)
@@ -50,32 +48,3 @@ def browser():
     opened = ReportBrowser()
     yield opened
     opened.driver.quit()
-
-
-@pytest.fixture(scope="module")
-def page():
-    """A browser for the pages of studios."""
-    from studio_pages import Page  # needs selenium
-
-    opened = Page()
-    yield opened
-    opened.driver.quit()
-
-
-@pytest.fixture
-def empty_studio(tmp_path):
-    """A studio without a file."""
-    started = Studio(folder=tmp_path)
-    yield started
-    started.close()
-
-
-@pytest.fixture
-def named(tmp_path):
-    """A studio on a file."""
-    from studio_pages import ROUGH
-
-    save_mesh(tmp_path / "rough.ply", ROUGH)
-    started = Studio("rough.ply", folder=tmp_path)
-    yield started
-    started.close()

@@ -1,10 +1,8 @@
-"""A studio on a scanned mesh, and the settings that its tests ask for."""
-
-from contextlib import contextmanager
+"""A scanned mesh, and the settings that tests of a studio on it ask for."""
 
 import numpy as np
 from shapes import icosphere, noisy
-from studios import Studio, until
+from studios import until
 
 ROUGH = noisy(icosphere(3), 0.2)
 LAPLACIAN = {"method": "laplacian", "parameters": {"iterations": "2"}, "controls": {"strength": "0.5"}}
@@ -27,18 +25,6 @@ def scanned(path, mesh=ROUGH):
     )
     path.write_bytes(head.encode() + vertices.tobytes() + faces.tobytes())
     return path
-
-
-@contextmanager
-def studio_on_a_scan(folder):
-    """A studio on scan.ply in a folder, for files of up to 0.5 MB."""
-    scanned(folder / "scan.ply")
-    started = Studio("scan.ply", "--max-size", "0.5", folder=folder)
-    started.folder = folder
-    with started.told() as events:  # an open page, without which the studio ends
-        until(events, type="opened")
-        yield started
-    started.close()
 
 
 def settings(**controls):

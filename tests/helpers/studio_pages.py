@@ -5,9 +5,7 @@ import time
 from base64 import b64encode
 
 from browsers import Browser, webdriver
-from shapes import icosphere, noisy
 
-ROUGH = noisy(icosphere(3), 0.2)
 LONGEST_WAIT_S = 1200.0
 """Limit of a wait, for what never comes, such as the answer to a lost event. Machines under load are slow."""
 DROP = """

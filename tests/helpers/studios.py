@@ -16,6 +16,7 @@ class Studio:
 
     def __init__(self, *arguments: str | Path, folder: Path | None = None) -> None:
         command = [sys.executable, "-m", "cascadenorm", "studio", "--no-browser", *map(str, arguments)]
+        self.folder = folder
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
         self.address = re.search(r"http://\S+", self.process.stdout.readline())[0]
         self.port, self.token = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/#token=(.+)", self.address).groups()
@@ -73,6 +74,19 @@ class Studio:
         self.process.terminate()
         self.process.wait()
         self.process.stdout.close()
+
+
+@contextmanager
+def kept_open(*arguments: str | Path, folder: Path) -> Iterator[Studio]:
+    """A studio in a folder that stays open without a page, for tests that leave it as it was."""
+    started = Studio(*arguments, folder=folder)
+    try:
+        with started.told() as events:
+            while next(events).get("type") not in ("opened", "empty"):
+                pass
+            yield started
+    finally:
+        started.close()
 
 
 def until(events: Iterator[dict[str, Any]], **wanted: Any) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 from scans import LAPLACIAN, scanned, settings
-from studios import Studio, until
+from studios import until
 
 
 @pytest.mark.parametrize("name", ["../out.ply", "/tmp/out.ply", "a/b.ply", "..", ".out.ply", "a\\b.ply", "", None, 7])
@@ -41,13 +41,13 @@ def test_what_is_out_of_range_is_said_in_the_words_of_the_form(studio):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such file names")
-def test_a_file_with_the_time_in_its_name_is_opened_and_saved(tmp_path):
+def test_a_file_with_the_time_in_its_name_is_opened_and_saved(studio, drop_studio, tmp_path):
     scanned(tmp_path / "scan 10:30?.ply")
-    started = Studio("scan 10:30?.ply", folder=tmp_path)
-    try:
-        with started.told() as events:
-            name = until(events, type="opened")["suggested"]
-            started.done("/api/save", {"settings": LAPLACIAN, "name": name})
-        assert (tmp_path / "scan 10:30?_denoised.ply").is_file()
-    finally:
-        started.close()
+    drop = drop_studio.done("/api/drop")["drop"]
+    drop_studio.done(f"/api/drop/{drop}?name=scan%2010:30%3F.ply", (tmp_path / "scan 10:30?.ply").read_bytes())
+    drop_studio.done("/api/open", {"drop": drop, "names": ["scan 10:30?.ply"]})
+    with drop_studio.told() as events:
+        name = until(events, type="opened")["suggested"]
+    assert name == "scan 10:30?_denoised.ply"
+    studio.done("/api/save", {"settings": LAPLACIAN, "name": name})
+    (studio.folder / name).unlink()

@@ -65,27 +65,24 @@ def test_a_name_without_an_extension_is_refused(studio, kind):
     assert set(studio.folder.iterdir()) == before
 
 
-def test_a_dropped_file_with_another_that_it_names_is_downloaded_with_it(studio, tmp_path):
+def test_a_dropped_file_with_another_that_it_names_is_downloaded_with_it(drop_studio, tmp_path):
     rows = [f"v {x} {y} {z}" for x, y, z in ROUGH.vertices] + ["usemtl red"]
     rows += [f"f {a} {b} {c}" for a, b, c in ROUGH.faces + 1]
     (tmp_path / "part.obj").write_text("\n".join(["mtllib part.mtl", *rows]), encoding="utf-8")
     (tmp_path / "part.mtl").write_text("newmtl red\nKd 1 0 0\n", encoding="utf-8")
-    try:
-        assert studio.drop(tmp_path / "part.mtl", tmp_path / "part.obj")[0] == 200
-        status, packed = studio.asked("POST", "/api/download", {"settings": LAPLACIAN, "name": "new.obj"})
-        about = json.loads(unquote(studio.headers["x-about"]))
-        assert status == 200 and about["name"] == "new.zip"
-        assert about["command"].startswith("cascadenorm denoise part.obj -o new.obj ")
-        with ZipFile(io.BytesIO(packed)) as archive:
-            assert sorted(archive.namelist()) == ["new.obj", "part.mtl"]
-            (tmp_path / "new.obj").write_bytes(archive.read("new.obj"))
-        cn.denoise_file(tmp_path / "part.obj", tmp_path / "same.obj", method="laplacian", strength=0.5,
-                        parameters={"iterations": 2})  # fmt: skip
-        assert (tmp_path / "new.obj").read_bytes() == (tmp_path / "same.obj").read_bytes()
-        status, answer = studio.asked("POST", "/api/save", {"settings": LAPLACIAN, "name": "new.obj"})
-        assert status == 400 and "download the result" in answer["error"]
-    finally:
-        assert studio.drop(studio.folder / "scan.ply")[0] == 200
+    assert drop_studio.drop(tmp_path / "part.mtl", tmp_path / "part.obj")[0] == 200
+    status, packed = drop_studio.asked("POST", "/api/download", {"settings": LAPLACIAN, "name": "new.obj"})
+    about = json.loads(unquote(drop_studio.headers["x-about"]))
+    assert status == 200 and about["name"] == "new.zip"
+    assert about["command"].startswith("cascadenorm denoise part.obj -o new.obj ")
+    with ZipFile(io.BytesIO(packed)) as archive:
+        assert sorted(archive.namelist()) == ["new.obj", "part.mtl"]
+        (tmp_path / "new.obj").write_bytes(archive.read("new.obj"))
+    cn.denoise_file(tmp_path / "part.obj", tmp_path / "same.obj", method="laplacian", strength=0.5,
+                    parameters={"iterations": 2})  # fmt: skip
+    assert (tmp_path / "new.obj").read_bytes() == (tmp_path / "same.obj").read_bytes()
+    status, answer = drop_studio.asked("POST", "/api/save", {"settings": LAPLACIAN, "name": "new.obj"})
+    assert status == 400 and "download the result" in answer["error"]
 
 
 def asked(requests, kind, **given):

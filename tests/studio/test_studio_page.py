@@ -8,9 +8,9 @@ import pytest
 import studio_pages
 from browsers import needs_browser, webdriver
 from report_pages import same_pixels
+from scans import ROUGH
 from selenium.webdriver.common.keys import Keys
 from shapes import grid, noisy
-from studio_pages import ROUGH
 from studios import Studio
 
 import cascadenorm as cn
@@ -59,7 +59,7 @@ def test_from_a_dropped_mesh_to_a_downloaded_file(page, empty_studio, tmp_path):
 
 
 @needs_browser
-def test_the_page_asks_for_no_mesh_while_it_opens_the_given_file(page, named):
+def test_the_page_asks_for_no_mesh_while_it_opens_the_given_file(page, own_studio):
     watching = """
     new MutationObserver(() => {
       const zone = document.querySelector('.zone');
@@ -67,9 +67,9 @@ def test_the_page_asks_for_no_mesh_while_it_opens_the_given_file(page, named):
     }).observe(document, {subtree: true, childList: true, attributes: true});
     """
     with page.starting_with(watching):
-        page.at(named).wait()
+        page.at(own_studio).wait()
         assert page.js("return window.zoneWasShown") is None
-        page.at(named).wait()  # the file is open already
+        page.at(own_studio).wait()  # the file is open already
         assert page.js("return window.zoneWasShown") is None
 
 
@@ -79,20 +79,20 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
     page.press_button("Save…")
     page.press_button("Save beside the input")
     page.said(".saving [role=status]", r"Saved as rough_denoised.ply\. All attributes")
-    saved = (tmp_path / "rough_denoised.ply").read_bytes()
+    saved = (named.folder / "rough_denoised.ply").read_bytes()
     page.press_button("Save beside the input")
     page.said(".saving [role=status]", "exists already")
-    (tmp_path / "rough_denoised.ply").write_bytes(b"")
+    (named.folder / "rough_denoised.ply").write_bytes(b"")
     page.press_button("Replace rough_denoised.ply")
     page.said(".saving [role=status]", "Saved as")
-    assert (tmp_path / "rough_denoised.ply").read_bytes() == saved
-    cn.denoise_file(tmp_path / "rough.ply", tmp_path / "same.ply")
+    assert (named.folder / "rough_denoised.ply").read_bytes() == saved
+    cn.denoise_file(named.folder / "rough.ply", tmp_path / "same.ply")
     assert (tmp_path / "same.ply").read_bytes() == saved
     page.press_button("Close")
 
     # the file is confirmed by its path and a link to what it holds
     (line,) = page.driver.find_elements("css selector", ".saved-files li")
-    assert line.is_displayed() and line.text.startswith(str(tmp_path / "rough_denoised.ply"))
+    assert line.is_displayed() and line.text.startswith(str(named.folder / "rough_denoised.ply"))
     (tmp_path / "copies").mkdir()
     page.driver.execute_cdp_cmd(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path / "copies")}
@@ -114,7 +114,7 @@ def test_a_result_is_saved_beside_the_file_and_copied_as_a_command(page, named, 
 def test_the_kind_of_error_is_said_as_the_command_line_prints_it(page, named, tmp_path, capsys):
     page.at(named).wait()
     shown = page.js("return [...document.querySelectorAll('.found > *')].map(e => e.innerText)")
-    assert run(["denoise", str(tmp_path / "rough.ply"), "-o", str(tmp_path / "same.ply")]) == 0
+    assert run(["denoise", str(named.folder / "rough.ply"), "-o", str(tmp_path / "same.ply")]) == 0
     printed = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines() if ": " in line)
     assert shown == ["Kind of error", printed["kind of error"], "Treated as", printed["treated as"]]
     page.fill(".settings select", "laplacian")
@@ -163,8 +163,8 @@ def test_an_error_is_in_view_and_its_field_is_marked(page, named, size):
 
 
 @needs_browser
-def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, empty_studio, tmp_path):
-    page.at(empty_studio).wait("empty")
+def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, dropped, tmp_path):
+    page.at(dropped).wait()
     page.js(
         "const before = window.fetch;"
         "window.fetch = async (path, ...rest) => {"
@@ -173,10 +173,10 @@ def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, empt
     )
     for name in ("first.ply", "second.ply"):
         save_mesh(tmp_path / name, ROUGH)
-    page.drop(tmp_path / "first.ply")
+    page.drop(tmp_path / "first.ply", replacing=True)
     page.until(lambda: page.js("return Boolean(window.resume)"), "the first scene")
     page.drop(tmp_path / "second.ply")
-    page.wait()
+    page.begun()
     page.js("window.answered = ''; window.resume()")
     page.until(lambda: page.js("return window.answered"), "the answer to the first scene")
     page.settle()
@@ -185,15 +185,16 @@ def test_a_scene_that_comes_after_another_mesh_was_opened_is_no_error(page, empt
 
 
 @needs_browser
-def test_hidden_files_that_come_with_a_mesh_are_left_out(page, empty_studio, tmp_path):
-    save_mesh(tmp_path / "rough.ply", ROUGH)
+def test_hidden_files_that_come_with_a_mesh_are_left_out(page, dropped, tmp_path):
+    save_mesh(tmp_path / "other.ply", ROUGH)
     (tmp_path / ".DS_Store").write_bytes(b"hidden")
-    page.at(empty_studio).wait("empty")
-    page.drop(tmp_path / ".DS_Store")
+    page.at(dropped).wait()
+    page.drop(tmp_path / ".DS_Store", replacing=True)
     page.said(".failed", "'.DS_Store' is not a plain file name")
-    page.drop(tmp_path / ".DS_Store", tmp_path / "rough.ply")
-    page.wait()
-    assert page.one("h1").text == "rough.ply"
+    page.drop(tmp_path / ".DS_Store", tmp_path / "other.ply")
+    page.press_button("Open other.ply")
+    page.begun()
+    assert page.one("h1").text == "other.ply"
 
 
 HOLDING = """
@@ -216,9 +217,9 @@ window.fetch = async (path, options) => {
 
 
 @needs_browser
-def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_opened(page, named, tmp_path):
+def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_opened(page, dropped, tmp_path):
     with page.starting_with(HOLDING):
-        page.at(named)
+        page.at(dropped)
 
     def cancelled():
         page.until(lambda: page.js("return window.ticket"), "a request")
@@ -227,8 +228,9 @@ def test_what_is_said_of_cancelled_work_is_true_and_hides_no_file_that_is_being_
 
     cancelled()  # nothing but the input is shown
     assert page.one(".said").text == "Cancelled."
-    page.js("window.held = []; window.resume()")
     page.press_button("Denoise")
+    page.until(lambda: page.js("return window.ticket"), "a request")
+    page.js("window.held = []; window.ticket = ''; window.resume()")
     page.wait()
     page.js("window.held = ['/api/denoise']")
     page.fill(".strength input[type=range]", "0.5")
@@ -261,7 +263,7 @@ def test_work_is_cancelled_and_started_again_by_the_same_key(page, named):
         page.js(f"tell({{ticket: window.ticket, ...{event}}})")
         page.until(lambda value=value: page.js("return document.querySelector('progress').value") == value, "the event")
         assert page.one(".said").text == "Cancelling…"  # what comes meanwhile does not hide it
-    page.js("tell({type: 'cancelled', ticket: window.ticket}); window.held = []; window.resume()")
+    page.js("tell({type: 'cancelled', ticket: window.ticket}); window.held = [];")
     page.settle()
     assert page.js("return document.activeElement.textContent") == "Denoise"
     page.driver.switch_to.active_element.send_keys(Keys.ENTER)
@@ -289,8 +291,8 @@ def test_the_panel_stays_as_it_is_when_a_result_comes(page, named):
 
 @needs_browser
 @pytest.mark.parametrize(("mode", "shown"), [("Side by side", ["Before", "After"]), ("One", ["After"])])
-def test_a_page_that_is_loaded_again_and_another_mesh_are_shown_in_the_same_mode(page, named, tmp_path, mode, shown):
-    page.at(named).wait()
+def test_a_page_that_is_loaded_again_and_another_mesh_are_shown_in_the_same_mode(page, dropped, tmp_path, mode, shown):
+    page.at(dropped).wait()
     next(one for one in page.driver.find_elements("css selector", ".panel label") if one.text == mode).click()
     page.address()
     page.js("window.onbeforeunload = null")
@@ -308,13 +310,13 @@ def test_a_page_that_is_loaded_again_and_another_mesh_are_shown_in_the_same_mode
 
 
 @needs_browser
-def test_a_saved_file_that_was_removed_cannot_be_copied_and_the_page_says_so(page, named, tmp_path):
+def test_a_saved_file_that_was_removed_cannot_be_copied_and_the_page_says_so(page, named):
     page.at(named).wait()
     page.press_button("Save…")
     page.press_button("Save beside the input")
     page.said(".saving [role=status]", "Saved as")
     page.press_button("Close")
-    (tmp_path / "rough_denoised.ply").unlink()
+    (named.folder / "rough_denoised.ply").unlink()
     page.one(".saved-files a").click()
     page.said(".saved-files [role=status]", "rough_denoised.ply is no longer there: save the result again")
     assert page.one(".saved-files [role=status]").is_displayed()
@@ -337,14 +339,14 @@ def test_the_address_without_its_token_opens_nothing(page, named):
 
 
 @needs_browser
-def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_studio(page, named):
-    page.at(named).wait()
+def test_a_page_that_is_loaded_again_goes_on_and_one_that_is_closed_ends_the_studio(page, own_studio):
+    page.at(own_studio).wait()
     assert page.js("return location.hash").find("token") == -1
     page.js("window.onbeforeunload = null")
     page.driver.refresh()
     page.wait()
     page.driver.get("about:blank")
-    assert named.ended() == 0
+    assert own_studio.ended() == 0
 
 
 @needs_browser
@@ -421,7 +423,7 @@ def test_colours_are_those_of_the_last_result_and_a_face_stays_picked(page, name
 
 
 @needs_browser
-def test_the_view_is_copied_as_a_command_that_says_what_it_reads(page, named, tmp_path, monkeypatch):
+def test_the_view_is_copied_as_a_command_that_says_what_it_reads(page, named, monkeypatch):
     page.at(named).wait()
     page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
     page.press_button("Copy view as command line")
@@ -436,8 +438,8 @@ def test_the_view_is_copied_as_a_command_that_says_what_it_reads(page, named, tm
     page.press_button("Copy view as command line")
     command = shlex.split(page.said(".panel [role=status]", "(?s)cascadenorm render.*"))
     assert command[:4] == ["cascadenorm", "render", "rough.ply", "mine.ply"]
-    monkeypatch.chdir(tmp_path)
-    assert run(command[1:]) == 0 and (tmp_path / "view.png").exists()
+    monkeypatch.chdir(named.folder)
+    assert run(command[1:]) == 0 and (named.folder / "view.png").exists()
 
 
 @needs_browser
@@ -496,12 +498,13 @@ def test_a_million_faces_are_shown_whole(page, tmp_path):
 
 
 @needs_browser
-def test_a_folder_is_refused_as_such(page, empty_studio, tmp_path):
+def test_a_folder_is_refused_as_such(page, dropped, tmp_path):
     (tmp_path / "scans").mkdir()
-    page.at(empty_studio).wait("empty")
+    page.at(dropped).wait()
     dragged = {"items": [], "files": [str(tmp_path / "scans")], "dragOperationsMask": 1}
     for kind in ("dragEnter", "dragOver", "drop"):
         page.driver.execute_cdp_cmd("Input.dispatchDragEvent", {"type": kind, "x": 600, "y": 400, "data": dragged})
+    page.press_button("Open scans")
     said = page.said(".failed", "^scans .*")
     assert said == "scans cannot be read. If it is a folder, open the files in it."
 

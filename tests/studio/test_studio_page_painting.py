@@ -7,9 +7,9 @@ from io import BytesIO
 import numpy as np
 import pytest
 from browsers import needs_browser, webdriver
+from scans import ROUGH
 from selenium.webdriver.common.keys import Keys
 from shapes import icosphere, noisy
-from studio_pages import ROUGH
 
 import cascadenorm as cn
 from cascadenorm.cli import run
@@ -31,7 +31,7 @@ def under_the_brush(radius, height):
 
 
 @needs_browser
-def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, tmp_path, monkeypatch):
+def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, monkeypatch):
     page.at(named).wait()
     page.fill(".settings select", "laplacian")
     page.begun()
@@ -50,9 +50,9 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
         page.js("document.querySelector('.saving button[type=submit]').click()")
         page.said(".saving [role=status]", "Saved as")
         page.press_button("Close")
-        files = {path.name: path.read_bytes() for path in tmp_path.glob("out*")}
-        moved = cn.read(tmp_path / "out.ply").mesh.vertices != cn.read(tmp_path / "rough.ply").mesh.vertices
-        for path in tmp_path.glob("out*"):
+        files = {path.name: path.read_bytes() for path in named.folder.glob("out*")}
+        moved = cn.read(named.folder / "out.ply").mesh.vertices != cn.read(named.folder / "rough.ply").mesh.vertices
+        for path in named.folder.glob("out*"):
             path.unlink()
         return files, ~moved.any(axis=1)
 
@@ -77,16 +77,16 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
     weights = np.load(BytesIO(files["out_mask.npy"]))
     assert set(np.unique(weights)) == {0.5, 1.0} and 10 < (weights == 0.5).sum() < 300
     for name in ("out_fixed.npy", "out_mask.npy"):
-        (tmp_path / name).write_bytes(files[name])
+        (named.folder / name).write_bytes(files[name])
     page.js("Object.defineProperty(navigator, 'clipboard', {value: undefined})")
     page.press_button("Copy as command line")
     command = shlex.split(page.said(".status code", "cascadenorm.*"))
     assert {"out_mask.npy", "out_fixed.npy"} < set(command)
     page.said(".said", "It reads out_mask.npy and out_fixed.npy: save the result first")
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.chdir(named.folder)
     assert run(command[1:]) == 0
-    assert (tmp_path / "out.ply").read_bytes() == files["out.ply"]
-    for path in tmp_path.glob("out*"):
+    assert (named.folder / "out.ply").read_bytes() == files["out.ply"]
+    for path in named.folder.glob("out*"):
         path.unlink()
 
     # beside the mesh it turns
@@ -108,13 +108,13 @@ def test_a_brush_reaches_what_lies_under_it_and_undo_takes_it_back(page, named, 
 
 
 @needs_browser
-def test_the_copied_command_draws_the_mesh_without_paint_which_no_file_has(page, named, tmp_path, monkeypatch):
+def test_the_copied_command_draws_the_mesh_without_paint_which_no_file_has(page, named, monkeypatch):
     page.at(named).wait()
     page.js("location.hash = 'mode=one&left=before'")
     page.settle()
     page.js("document.querySelector('.painting input[value=pin]').click()")
-    monkeypatch.chdir(tmp_path)
-    assert run(page.copied_view()[1:]) == 0 and (tmp_path / "view.png").exists()
+    monkeypatch.chdir(named.folder)
+    assert run(page.copied_view()[1:]) == 0 and (named.folder / "view.png").exists()
 
 
 @needs_browser
@@ -131,9 +131,9 @@ def test_a_page_that_is_loaded_again_keeps_its_paint_and_its_result(page, named)
 
 @needs_browser
 @pytest.mark.parametrize("level", [4, 2])
-def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tmp_path, level):
+def test_another_mesh_is_opened_after_painting_without_the_paint(page, dropped, tmp_path, level):
     save_mesh(tmp_path / "other.ply", noisy(icosphere(level), 0.2))
-    page.at(named).wait()
+    page.at(dropped).wait()
     page.js("document.querySelector('.painting input[value=pin]').click()")
     page.drag((60, 0), (20, 0))
     page.begun()
@@ -147,7 +147,7 @@ def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tm
     assert not page.one(".failed").is_displayed() and not page.one(".painting > button").is_displayed()
 
     # it looks as it does without another one before it
-    page.at(named).wait()
+    page.at(dropped).wait()
     page.drop(tmp_path / "other.ply", replacing=True)
     page.said("h1", "other.ply")
     page.begun()
@@ -155,9 +155,9 @@ def test_another_mesh_is_opened_after_painting_without_the_paint(page, named, tm
 
 
 @needs_browser
-def test_it_is_asked_before_what_is_not_saved_is_lost(page, named, tmp_path):
+def test_it_is_asked_before_what_is_not_saved_is_lost(page, own_studio, tmp_path):
     save_mesh(tmp_path / "other.ply", noisy(icosphere(2), 0.2))
-    page.at(named).wait()
+    page.at(own_studio).wait()
     leaving = "const e = new Event('beforeunload', {cancelable: true}); dispatchEvent(e); return e.defaultPrevented"
     lost = "return document.querySelector('.leaving[open] p')?.innerText"
 
@@ -201,7 +201,7 @@ def test_it_is_asked_before_what_is_not_saved_is_lost(page, named, tmp_path):
 
 
 @needs_browser
-def test_the_files_that_are_replaced_are_named(page, named, tmp_path):
+def test_the_files_that_are_replaced_are_named(page, named):
     page.at(named).wait()
     for tool, place in (("pin", -60), ("mask", 60)):
         page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
@@ -214,11 +214,11 @@ def test_the_files_that_are_replaced_are_named(page, named, tmp_path):
     page.fill("#saving-name", "mine.stl")
     page.press_button("Save beside the input")
     page.said(".saving [role=status]", r"^mine_mask.npy and mine_fixed.npy exist already: choose another name")
-    assert not (tmp_path / "mine.stl").exists()
-    before = (tmp_path / "mine.ply").read_bytes()
+    assert not (named.folder / "mine.stl").exists()
+    before = (named.folder / "mine.ply").read_bytes()
     page.press_button("Replace mine_mask.npy and mine_fixed.npy")
     page.said(".saving [role=status]", "Saved as mine.stl")
-    assert (tmp_path / "mine.stl").exists() and (tmp_path / "mine.ply").read_bytes() == before
+    assert (named.folder / "mine.stl").exists() and (named.folder / "mine.ply").read_bytes() == before
     page.press_button("Close")
 
 
@@ -242,7 +242,7 @@ def test_pinned_vertices_have_the_colour_of_the_legend_and_weights_another(page,
 
 
 @needs_browser
-def test_paint_of_another_page_is_shown_and_nothing_is_saved_before_the_mesh_is_denoised_with_it(page, named, tmp_path):
+def test_paint_of_another_page_is_shown_and_nothing_is_saved_before_the_mesh_is_denoised_with_it(page, named):
     page.at(named).wait()
     save = page.one(".bar .primary")
     assert save.is_enabled() and not page.one(".painting button").is_displayed()
@@ -257,7 +257,7 @@ def test_paint_of_another_page_is_shown_and_nothing_is_saved_before_the_mesh_is_
     page.press_button("Save beside the input")
     page.said(".saving [role=status]", "Saved as")
     page.press_button("Close")
-    np.testing.assert_array_equal(np.load(tmp_path / "rough_denoised_fixed.npy"), codes == 255)
+    np.testing.assert_array_equal(np.load(named.folder / "rough_denoised_fixed.npy"), codes == 255)
     page.press_button("Undo")
     page.begun()
     assert not page.one(".painting button").is_displayed()

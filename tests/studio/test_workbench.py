@@ -18,15 +18,12 @@ def test_the_scene_of_a_result_completes_that_of_the_open_mesh(studio):
     assert studio.asked("GET", "/api/scene/99999")[0] == 404
 
 
-def test_bad_vertices_are_left_and_said(studio, tmp_path):
+def test_bad_vertices_are_left_and_said(drop_studio, tmp_path):
     vertices = ROUGH.vertices.copy()
     vertices[5, 0] = np.nan
     scanned(tmp_path / "bad.ply", type("Rough", (), {"vertices": vertices, "faces": ROUGH.faces}))
-    try:
-        assert studio.drop(tmp_path / "bad.ply")[0] == 200
-        with studio.told() as events:
-            assert "1 of 642 vertices are not finite" in until(events, type="opened")["notice"]
-        done = studio.done("/api/recipe", {"settings": LAPLACIAN, "name": "out.ply"})
-        assert "--on-bad isolate" in done["command"]
-    finally:
-        assert studio.drop(studio.folder / "scan.ply")[0] == 200
+    assert drop_studio.drop(tmp_path / "bad.ply")[0] == 200
+    with drop_studio.told() as events:
+        assert "1 of 642 vertices are not finite" in until(events, type="opened")["notice"]
+    done = drop_studio.done("/api/recipe", {"settings": LAPLACIAN, "name": "out.ply"})
+    assert "--on-bad isolate" in done["command"]
