@@ -92,15 +92,19 @@ class Application:
         return await self._session.form()
 
     async def events(self, request: Request) -> Response:
-        """Send events until the page is closed."""
+        """Send events until the page is closed or the server ends."""
 
         async def lines() -> AsyncIterator[str]:
             async with self._session.page() as events:
                 while not await request.is_disconnected():
                     try:
-                        yield f"data: {json.dumps(await asyncio.wait_for(events.get(), PULSE))}\n\n"
+                        event = await asyncio.wait_for(events.get(), PULSE)
                     except asyncio.TimeoutError:
                         yield ":\n\n"
+                        continue
+                    if event is None:
+                        return
+                    yield f"data: {json.dumps(event)}\n\n"
 
         return StreamingResponse(lines(), media_type="text/event-stream")
 

@@ -64,12 +64,24 @@ def serve(file: str | PathLike[str] | None, *, port: int, browser: bool, most: f
         routes = Application(session, Uploads(Path(folder), most=most)).routes()
         port = listening.getsockname()[1]
         guarded = Guard(Starlette(routes=routes, lifespan=working), port=port, token=token)
-        server = uvicorn.Server(uvicorn.Config(guarded, **SERVER_SETTINGS))
+        server = Server(uvicorn.Config(guarded, **SERVER_SETTINGS), session)
         address = f"http://{HOST}:{port}/#token={token}"
         print(f"The studio is at {address}\nClose its page, or press Ctrl-C, to end it.", flush=True)
         if browser:
             webbrowser.open(address)
         server.run(sockets=[listening])
+
+
+class Server(uvicorn.Server):
+    """A server that ends the events of its pages first, for whose end it would wait otherwise."""
+
+    def __init__(self, config: uvicorn.Config, session: Session) -> None:
+        super().__init__(config)
+        self._session = session
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._session.end_pages()
+        await super().shutdown(sockets)
 
 
 async def _end_without_pages(session: Session, server: uvicorn.Server) -> None:

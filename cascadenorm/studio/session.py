@@ -34,7 +34,7 @@ class Session:
     def __init__(self) -> None:
         self._numbers = count(1)
         self._waiting: dict[int, tuple[Request, asyncio.Future[Any], float]] = {}
-        self._pages: set[asyncio.Queue[Event]] = set()
+        self._pages: set[asyncio.Queue[Event | None]] = set()
         self.file: tuple[Path, str] | None = None
         """The path of the open file, and its name in messages."""
         self._digest = ""  # of the open file
@@ -120,9 +120,9 @@ class Session:
         self._lost -= 1
 
     @asynccontextmanager
-    async def page(self) -> AsyncIterator[asyncio.Queue[Event]]:
-        """Yield a queue of events for one page; the first event is about the open file."""
-        events: asyncio.Queue[Event] = asyncio.Queue()
+    async def page(self) -> AsyncIterator[asyncio.Queue[Event | None]]:
+        """Yield a queue of events for one page; the first event is about the open file, and None ends them."""
+        events: asyncio.Queue[Event | None] = asyncio.Queue()
         events.put_nowait(self.opened)
         self._pages.add(events)
         self.has_listened = True
@@ -133,7 +133,11 @@ class Session:
             self._pages.discard(events)
             self._lost += 1
 
-    def _tell(self, event: Event) -> None:
+    def end_pages(self) -> None:
+        """End the events of all pages, since the server ends."""
+        self._tell(None)
+
+    def _tell(self, event: Event | None) -> None:
         for page in self._pages:
             page.put_nowait(event)
 

@@ -3,6 +3,8 @@
 import asyncio
 import socket
 import sys
+from contextlib import closing
+from http.client import HTTPConnection
 from types import SimpleNamespace
 
 import numpy as np
@@ -102,6 +104,16 @@ def test_the_size_of_files_may_be_unlimited(monkeypatch):
     given = {}
     monkeypatch.setattr(server, "serve", lambda _, **settings: given.update(settings))
     assert run(["studio", "--max-size", "inf"]) == 0 and given["most"] == np.inf
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows kills a process at once")
+def test_the_end_of_the_studio_ends_the_events_of_its_page_and_waits_for_none(empty_studio):
+    with closing(HTTPConnection(empty_studio.host)) as connection:
+        connection.request("GET", "/api/events", headers={"authorization": f"Bearer {empty_studio.token}"})
+        events = connection.getresponse()
+        events.readline()
+        empty_studio.process.terminate()
+        events.read()  # raises IncompleteRead if the server has waited for the events, and cut them off then
 
 
 def ends_after(monkeypatch, *events):
