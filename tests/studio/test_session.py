@@ -45,6 +45,24 @@ def large(tmp_path):
     started.close()
 
 
+@pytest.mark.slow  # 80,000 faces in a studio of its own; test_workbench.py has the previews without a server
+def test_a_coarse_preview_comes_first(large):
+    with large.told() as events:
+        until(events, type="opened")
+
+        # coarse, then whole
+        large.done("/api/denoise", {"settings": LAPLACIAN, "ticket": "first"})
+        coarse, whole = (until(events, ticket="first", type="shown") for _ in range(2))
+        assert coarse["coarse"] and not whole["coarse"]
+        few, many = (large.asked("GET", f"/api/scene/{one['scene']}")[1]["meshes"] for one in (coarse, whole))
+        assert few[-1]["positions"]["shape"][0] < many[-1]["positions"]["shape"][0] / 2
+        assert few[-1]["faces"] == many[-1]["faces"] == 81920
+
+        # another strength only blends what is known, so that no coarse mesh comes before it
+        large.done("/api/denoise", {"settings": {**LAPLACIAN, "controls": {"strength": "0.25"}}, "ticket": "weak"})
+        assert not until(events, ticket="weak", type="shown")["coarse"]
+
+
 SLOW = {"method": "bilateral-normal", "parameters": {"iterations": "1000000"}, "controls": {}}
 """Hours of work that reports its progress often."""
 
@@ -62,57 +80,52 @@ def worker_of(studio):
     raise AssertionError("there is no worker")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="finds the worker in /proc")
-def test_a_coarse_preview_comes_first_newer_requests_end_older_ones_and_a_crash_ends_nothing_else(large):
-    with large.told() as events:
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="finds the worker in /proc")
+
+
+@LINUX
+def test_newer_requests_end_older_ones_and_a_crash_ends_nothing_else(studio):
+    with studio.told() as events:
         until(events, type="opened")
 
-        # coarse, then whole
-        large.done("/api/denoise", {"settings": LAPLACIAN, "ticket": "first"})
-        coarse, whole = (until(events, ticket="first", type="shown") for _ in range(2))
-        assert coarse["coarse"] and not whole["coarse"]
-        few, many = (large.asked("GET", f"/api/scene/{one['scene']}")[1]["meshes"] for one in (coarse, whole))
-        assert few[-1]["positions"]["shape"][0] < many[-1]["positions"]["shape"][0] / 2
-        assert few[-1]["faces"] == many[-1]["faces"] == 81920
-
-        # another strength only blends what is known, so that no coarse mesh comes before it
-        large.done("/api/denoise", {"settings": {**LAPLACIAN, "controls": {"strength": "0.25"}}, "ticket": "weak"})
-        assert not until(events, ticket="weak", type="shown")["coarse"]
-
         # a newer one, and cancelling
-        large.done("/api/denoise", {"settings": SLOW, "ticket": "old"})
+        studio.done("/api/denoise", {"settings": SLOW, "ticket": "old"})
         until(events, ticket="old", type="progress")
-        large.done("/api/denoise", {"settings": settings(strength=0.75), "ticket": "new"})
+        studio.done("/api/denoise", {"settings": settings(strength=0.75), "ticket": "new"})
         until(events, ticket="old", type="cancelled")
         until(events, ticket="new", type="shown", coarse=False)
-        large.done("/api/denoise", {"settings": SLOW, "ticket": "long"})
+        studio.done("/api/denoise", {"settings": SLOW, "ticket": "long"})
         told = until(events, ticket="long", type="progress")
         assert 0 <= told["fraction"] < 1
-        large.done("/api/cancel")
+        studio.done("/api/cancel")
         until(events, ticket="long", type="cancelled")
 
         # a crash
-        large.done("/api/denoise", {"settings": SLOW, "ticket": "killed"})
+        studio.done("/api/denoise", {"settings": SLOW, "ticket": "killed"})
         until(events, ticket="killed", type="progress")
-        os.kill(worker_of(large), signal.SIGKILL)
+        os.kill(worker_of(studio), signal.SIGKILL)
         error = until(events, ticket="killed", type="failed")["error"]
         assert "SIGKILL" in error and error.endswith("The next request starts another process.")
-        large.done("/api/denoise", {"settings": LAPLACIAN, "ticket": "again"})
+        studio.done("/api/denoise", {"settings": LAPLACIAN, "ticket": "again"})
         until(events, ticket="again", type="shown", coarse=False)
 
         # work that does not come to its end by itself
-        large.done("/api/denoise", {"settings": SLOW, "ticket": "stuck"})
+        studio.done("/api/denoise", {"settings": SLOW, "ticket": "stuck"})
         until(events, ticket="stuck", type="progress")
-        os.kill(worker_of(large), signal.SIGSTOP)
-        large.done("/api/denoise", {"settings": settings(strength=0.25), "ticket": "next"})
+        os.kill(worker_of(studio), signal.SIGSTOP)
+        studio.done("/api/denoise", {"settings": settings(strength=0.25), "ticket": "next"})
         until(events, ticket="stuck", type="cancelled")
         until(events, ticket="next", type="shown", coarse=False)
 
-        # the last page is closed in the middle of work
-        large.done("/api/denoise", {"settings": SLOW, "ticket": "left"})
+
+@LINUX
+def test_the_last_page_is_closed_in_the_middle_of_work(own_studio):
+    with own_studio.told() as events:
+        until(events, type="opened")
+        own_studio.done("/api/denoise", {"settings": SLOW, "ticket": "left"})
         until(events, ticket="left", type="progress")
-        worker = worker_of(large)
-    assert large.ended() == 0
+        worker = worker_of(own_studio)
+    assert own_studio.ended() == 0
     assert not Path(f"/proc/{worker}").exists()
 
 
