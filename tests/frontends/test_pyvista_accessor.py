@@ -147,6 +147,7 @@ def test_other_cells_are_refused_with_the_way_out():
         pyvista.Plane().cascadenorm.denoise()
 
 
+@pytest.mark.slow  # a process that denoises and draws with VTK in software
 def test_the_picture_of_the_documentation_is_drawn_off_screen(tmp_path):
     image = pytest.importorskip("PIL.Image")
     run = [sys.executable, ROOT / "docs" / "generate" / "pyvista_picture.py", tmp_path / "drawn.png"]
