@@ -133,6 +133,7 @@ cn.view(mesh, smooth, values="normal-displacement")
 """
 
 
+@pytest.mark.slow  # a kernel of Jupyter, which imports all libraries anew; other tests render the outputs here
 def test_a_kernel_runs_a_notebook(tmp_path):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     save_mesh(tmp_path / "rough.ply", ROUGH)
