@@ -95,7 +95,8 @@ def test_the_readme_has_one_command_for_the_main_job_and_one_for_the_tests():
     assert commands[1] == f'{install}".[dev]" && .venv/bin/python -m pytest'
     assert commands[1] in (ROOT / ".ci" / "run").read_text(encoding="utf-8")  # where it runs in a clean environment
     steps = re.findall(r"- run: (.+)", TESTS)  # which have an environment already
-    assert " && ".join(steps) == 'pip install -e ".[dev]" && python -m pytest'
+    developing = 'pip install -e ".[dev]"'
+    assert steps == [developing, "python -m pytest", developing, "python -m pytest -m slow"]
 
 
 def test_pull_requests_are_tested_on_each_system_of_the_wheels():
