@@ -17,15 +17,13 @@ FACE_ON = "view=0,0,1,0,0,0,3.2"
 class ReportBrowser(Browser):
     """A browser on a report."""
 
-    def open(self, report: Path, view: str = FACE_ON) -> float:
-        """Open a report, wait until its meshes can be turned, and return how many seconds that took."""
+    def open(self, report: Path, view: str = FACE_ON) -> None:
+        """Open a report, and wait until its meshes can be turned."""
         self.driver.get("about:blank")
-        start = time.perf_counter()
         self.driver.get(f"{report.as_uri()}#{view}")
         while not self.js("return document.getElementById('viewer').dataset.state"):
             time.sleep(0.02)
         self.settle()
-        return time.perf_counter() - start
 
     def click(self, x: int, y: int) -> dict[str, str]:
         """Click a point of the canvas; what is said of the face there."""

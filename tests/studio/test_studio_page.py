@@ -478,8 +478,8 @@ def test_a_million_faces_are_shown_whole(page, tmp_path):
     try:
         page.at(studio)
         page.until(lambda: page.js("return document.querySelector('#viewer canvas')"), "a canvas")
+        page.until(lambda: not page.one(".decimated").is_displayed(), "the whole mesh, after the coarse preview")
         page.settle()
-        assert not page.one(".decimated").is_displayed()
         picture = page.canvas()
         middle = picture[len(picture) // 2 - 50 :][:100, picture.shape[1] // 2 - 50 :][:, :100]
         assert len(np.unique(middle.reshape(-1, 3), axis=0)) > 50  # no blank canvas
