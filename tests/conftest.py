@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import closing
 from pathlib import Path
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores; libraries read this when they are loaded
@@ -45,6 +46,5 @@ def browser():
     """A browser for reports."""
     from report_pages import ReportBrowser  # needs selenium
 
-    opened = ReportBrowser()
-    yield opened
-    opened.driver.quit()
+    with closing(ReportBrowser()) as opened:
+        yield opened

@@ -1,13 +1,11 @@
 """Vector instructions where numba and llvmlite allow them, plain loops where not, the same bytes either way."""
 
-import os
-import subprocess
-import sys
 from hashlib import sha256
 from pathlib import Path
 
 import numba
 import pytest
+from forked import run_alone
 from shapes import icosphere, noisy
 
 from cascadenorm import denoise
@@ -55,14 +53,6 @@ print(sha256(denoise(noisy(icosphere(2), 0.3)).vertices.tobytes()).hexdigest())
 """
 
 
-def run(code: str, **environment: str) -> list[str]:
-    """Run code in a process of its own and return what it prints."""
-    command = [sys.executable, "-c", code, HELPERS]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
-
-
 @compiled_only
 def test_with_another_llvmlite_plain_loops_filter_to_the_same_bytes(tmp_path, run_forked):
     assert iterated_bilateral._compiled(*range(7)) is not _filter_face
@@ -76,7 +66,9 @@ def test_with_another_llvmlite_plain_loops_filter_to_the_same_bytes(tmp_path, ru
 @pytest.mark.slow  # compiles every kernel that the default needs
 @pytest.mark.parametrize("change", OTHER_RELEASES.values(), ids=OTHER_RELEASES)
 def test_the_default_method_gives_the_same_bytes_with_another_numba(change, tmp_path):
-    assert run(change + DENOISED, NUMBA_CACHE_DIR=str(tmp_path)) == [digest(denoise(BALL).vertices)]
+    (tmp_path / "program.py").write_text(change + DENOISED)
+    printed = run_alone(tmp_path / "program.py", HELPERS, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    assert printed.split() == [digest(denoise(BALL).vertices)]
 
 
 def digest(array) -> str:

@@ -111,14 +111,15 @@ def test_a_file_whose_process_is_killed_is_tried_again(place, monkeypatch):
     def add_and_kill(manifest, line):
         add(manifest, line)
         if line["status"] == "done" and not killed:
-            killed.append(multiprocessing.active_children()[0])
-            killed[0].kill()
+            killed.extend(multiprocessing.active_children())
+            for worker in killed:
+                worker.kill()
 
     monkeypatch.setattr(Manifest, "add", add_and_kill)
     found = denoise_files("scans", "out", method="laplacian", workers=2)
-    assert killed and not found.failures
+    assert len(killed) == 2 and not found.failures
     attempts = [line["attempts"] for line in lines(place / "out", "done")]
-    assert len(attempts) == 20 and sorted(attempts)[-2:] == [1, 2]
+    assert len(attempts) == 20 and set(attempts) == {1, 2} and attempts.count(2) <= 2
 
 
 def test_a_process_that_works_too_long_is_stopped_and_its_file_is_denoised_later(place, capsys):

@@ -1,9 +1,5 @@
 """A first run compiles few functions, and a further one none."""
 
-import os
-import subprocess
-import sys
-
 import pytest
 from forked import run_alone
 
@@ -35,10 +31,9 @@ for name in compiled:
 @pytest.mark.slow
 def test_the_first_run_compiles_few_functions_and_no_text_or_sort_of_numba(tmp_path):
     """Copying a slice brings numba's messages with it, numpy's sort a dozen functions: seconds for each new user."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
-    command = [sys.executable, "-c", FIRST_RUN]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-    compiled = done.stdout.split()
+    (tmp_path / "program.py").write_text(FIRST_RUN)
+    empty = str(tmp_path / "kept")
+    compiled = run_alone(tmp_path / "program.py", NUMBA_CACHE_DIR=empty, NUMBA_DISABLE_JIT="0").split()
     assert "cascadenorm.baselines.vertex_update._sweep_range" in compiled
     assert not [name for name in compiled if "unicode" in name or "quicksort" in name]
     assert len(compiled) <= 110

@@ -40,6 +40,10 @@ class Browser:
         self.driver.set_page_load_timeout(24 * 3600)
         self.sized(1200, 800)
 
+    def close(self) -> None:
+        """End the browser."""
+        self.driver.quit()
+
     def sized(self, width: int, height: int, *, dark: bool = False) -> None:
         self.driver.execute_cdp_cmd(
             "Emulation.setDeviceMetricsOverride",

@@ -5,10 +5,11 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 
 class Studio:
@@ -47,7 +48,7 @@ class Studio:
         """Drop files on the page."""
         drop = self.done("/api/drop")["drop"]
         for file in files:
-            self.done(f"/api/drop/{drop}?name={file.name}", file.read_bytes())
+            self.done(f"/api/drop/{drop}?name={quote(file.name)}", file.read_bytes())
         return self.asked("POST", "/api/open", {"drop": drop, "names": [file.name for file in files]})
 
     @contextmanager
@@ -79,14 +80,10 @@ class Studio:
 @contextmanager
 def kept_open(*arguments: str | Path, folder: Path) -> Iterator[Studio]:
     """A studio in a folder that stays open without a page, for tests that leave it as it was."""
-    started = Studio(*arguments, folder=folder)
-    try:
-        with started.told() as events:
-            while next(events).get("type") not in ("opened", "empty"):
-                pass
-            yield started
-    finally:
-        started.close()
+    with closing(Studio(*arguments, folder=folder)) as started, started.told() as events:
+        while next(events).get("type") not in ("opened", "empty"):
+            pass
+        yield started
 
 
 def until(events: Iterator[dict[str, Any]], **wanted: Any) -> dict[str, Any]:

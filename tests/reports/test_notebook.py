@@ -4,6 +4,7 @@ import io
 import json
 import sys
 from base64 import b64decode
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -153,9 +154,8 @@ def test_a_kernel_runs_a_notebook(tmp_path):
 
 @pytest.fixture(scope="module")
 def browser():
-    opened = Browser()
-    yield opened
-    opened.driver.quit()
+    with closing(Browser()) as opened:
+        yield opened
 
 
 CELL = """<!doctype html><meta charset="utf-8"><body style="margin: 20px"><div id="cell"></div>

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -377,16 +378,13 @@ def test_controls_have_names(browser, report):
 
 @needs_browser
 def test_without_webgl_picture_and_text_stay(report):
-    browser = ReportBrowser(webgl=False)
-    try:
+    with closing(ReportBrowser(webgl=False)) as browser:
         browser.open(report)
         assert browser.js("return document.getElementById('viewer').dataset.state") == "still"
         assert "WebGL 2" in browser.one("#viewer").text
         image = browser.one("#viewer svg")
         assert image.is_displayed() and image.rect["width"] > 1000
         assert "Findings" in browser.one("main").text
-    finally:
-        browser.driver.quit()
 
 
 @needs_browser

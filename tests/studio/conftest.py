@@ -1,5 +1,7 @@
 """Studios and a browser for the tests of this folder; what takes seconds to start is shared."""
 
+from contextlib import closing
+
 import pytest
 from scans import ROUGH, scanned
 from studios import Studio, kept_open
@@ -21,9 +23,8 @@ def page():
     """A browser for the pages of studios."""
     from studio_pages import Page  # needs selenium
 
-    opened = Page()
-    yield opened
-    opened.driver.quit()
+    with closing(Page()) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="package")
@@ -65,15 +66,13 @@ def dropped(page, drop_studio):
 @pytest.fixture
 def empty_studio(tmp_path):
     """A studio of the test's own, without a file."""
-    started = Studio(folder=tmp_path)
-    yield started
-    started.close()
+    with closing(Studio(folder=tmp_path)) as started:
+        yield started
 
 
 @pytest.fixture
 def own_studio(tmp_path):
     """A studio of the test's own, on a file."""
     save_mesh(tmp_path / "rough.ply", ROUGH)
-    started = Studio("rough.ply", folder=tmp_path)
-    yield started
-    started.close()
+    with closing(Studio("rough.ply", folder=tmp_path)) as started:
+        yield started

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import closing
 
 import pytest
 from scans import LAPLACIAN, scanned
@@ -52,11 +53,7 @@ def test_half_of_a_surrogate_pair_is_refused(studio, place):
 def test_a_file_whose_name_is_no_text_is_opened_and_its_command_is_shown(tmp_path):
     name = os.fsdecode(b"caf\xe9.ply")
     scanned(tmp_path / name)
-    studio = Studio(name, folder=tmp_path)
-    try:
-        with studio.told() as events:
-            until(events, type="opened")
-            done = studio.done("/api/recipe", {"settings": LAPLACIAN, "name": "out.ply"})
-            assert "denoise" in done["command"] and "out.ply" in done["command"]
-    finally:
-        studio.close()
+    with closing(Studio(name, folder=tmp_path)) as studio, studio.told() as events:
+        until(events, type="opened")
+        done = studio.done("/api/recipe", {"settings": LAPLACIAN, "name": "out.ply"})
+        assert "denoise" in done["command"] and "out.ply" in done["command"]

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,8 @@ def test_what_is_no_mesh_is_refused_with_a_reason_and_the_open_mesh_stays(studio
 def large(tmp_path):
     """A studio on a mesh that is large enough for a coarse preview."""
     save_mesh(tmp_path / "large.ply", noisy(icosphere(6), 0.2))
-    started = Studio("large.ply", folder=tmp_path)
-    yield started
-    started.close()
+    with closing(Studio("large.ply", folder=tmp_path)) as started:
+        yield started
 
 
 @pytest.mark.slow  # 80,000 faces in a studio of its own; test_workbench.py has the previews without a server

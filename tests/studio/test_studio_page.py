@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -344,8 +345,12 @@ def test_the_address_without_its_token_opens_nothing(page, named):
 
 
 @needs_browser
-def test_a_page_says_when_the_studio_has_ended(page, empty_studio):
+def test_a_page_says_when_the_studio_has_ended(page, empty_studio, tmp_path):
+    save_mesh(tmp_path / "one.ply", cn.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
     page.at(empty_studio).wait("empty")
+    page.drop(tmp_path / "one.ply")
+    page.wait()
+    assert page.one(".counts").text == "1 face, 3 vertices"
     empty_studio.close()
     page.wait("ended")
     assert page.one(".failed").text == "The studio has stopped. Start it again."
@@ -474,8 +479,7 @@ def test_a_million_faces_are_shown_whole(page, tmp_path):
     plane = grid(707, 707)
     clean = plane.moved(plane.vertices + 30 * np.sin(plane.vertices[:, :1] / 40) * (0, 0, 1))
     save_mesh(tmp_path / "million.ply", noisy(clean, 0.2))
-    studio = Studio("million.ply", folder=tmp_path)
-    try:
+    with closing(Studio("million.ply", folder=tmp_path)) as studio:
         page.at(studio)
         page.until(lambda: page.js("return document.querySelector('#viewer canvas')"), "a canvas")
         page.until(lambda: not page.one(".decimated").is_displayed(), "the whole mesh, after the coarse preview")
@@ -483,8 +487,6 @@ def test_a_million_faces_are_shown_whole(page, tmp_path):
         picture = page.canvas()
         middle = picture[len(picture) // 2 - 50 :][:100, picture.shape[1] // 2 - 50 :][:, :100]
         assert len(np.unique(middle.reshape(-1, 3), axis=0)) > 50  # no blank canvas
-    finally:
-        studio.close()
 
 
 @needs_browser

@@ -31,6 +31,7 @@ def under_the_brush(radius, height):
 
 
 def take(page, tool):
+    """Choose a brush, or the view."""
     page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
 
 
@@ -131,7 +132,7 @@ def test_the_copied_command_draws_the_mesh_without_paint_which_no_file_has(page,
     page.at(named).wait()
     page.js("location.hash = 'mode=one&left=before'")
     page.settle()
-    page.js("document.querySelector('.painting input[value=pin]').click()")
+    take(page, "pin")
     monkeypatch.chdir(named.folder)
     assert run(page.copied_view()[1:]) == 0 and (named.folder / "view.png").exists()
 
@@ -139,7 +140,7 @@ def test_the_copied_command_draws_the_mesh_without_paint_which_no_file_has(page,
 @needs_browser
 def test_a_page_that_is_loaded_again_keeps_its_paint_and_its_result(page, named):
     page.at(named).wait()
-    page.js("document.querySelector('.painting input[value=pin]').click()")
+    take(page, "pin")
     page.drag((60, 0), (20, 0))
     page.begun()
     moved = f"{len(ROUGH.vertices)} vertices moved"
@@ -153,7 +154,7 @@ def test_a_page_that_is_loaded_again_keeps_its_paint_and_its_result(page, named)
 def test_another_mesh_is_opened_after_painting_without_the_paint(page, dropped, tmp_path, level):
     save_mesh(tmp_path / "other.ply", noisy(icosphere(level), 0.2))
     page.at(dropped).wait()
-    page.js("document.querySelector('.painting input[value=pin]').click()")
+    take(page, "pin")
     page.drag((60, 0), (20, 0))
     page.begun()
     assert page.one(".painting > button").text == "Clear all paint"
@@ -199,7 +200,7 @@ def test_it_is_asked_before_what_is_not_saved_is_lost(page, named, tmp_path):
     page.fill(".settings select", "laplacian")
     page.begun()
     assert page.js(leaving)
-    page.js("document.querySelector('.painting input[value=pin]').click()")
+    take(page, "pin")
     page.drag((60, 0), (20, 0))
     page.begun()
     page.drop(tmp_path / "other.ply")
@@ -230,7 +231,7 @@ def test_another_mesh_is_opened_in_place_of_what_may_be_lost_or_is_saved(page, d
 def test_the_files_that_are_replaced_are_named(page, named):
     page.at(named).wait()
     for tool, place in (("pin", -60), ("mask", 60)):
-        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+        take(page, tool)
         page.drag((place, 0), (0, 20))
         page.begun()
     page.press_button("Save…")
@@ -255,7 +256,7 @@ def test_pinned_vertices_have_the_colour_of_the_legend_and_weights_another(page,
     page.settle()
     shown = {}
     for tool in ("mask", "pin"):
-        page.js("document.querySelector(`.painting input[value=${arguments[0]}]`).click()", tool)
+        take(page, tool)
         page.fill(".painting input[type=range][max='120']", "60")
         page.drag((0, 0))
         page.begun()
