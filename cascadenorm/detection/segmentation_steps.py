@@ -54,7 +54,9 @@ def voxel_components(mesh: Mesh) -> Bools:
     first = _largest_normals(mesh, np.zeros((mesh.topology.component_count, 3)))
     second = _largest_normals(mesh, first)
     axes = np.stack([first, second, np.cross(first, second)], axis=1)
-    along = (_shares_along(components, mesh.areas, mesh.face_normals, axes) >= ALONG_AXES) & second.any(axis=1)
+    total, sums = np.zeros(len(axes)), np.zeros(len(axes))
+    _add_areas(components, mesh.areas, mesh.face_normals, axes, total, sums)
+    along = (sums >= ALONG_AXES * total) & second.any(axis=1)
     faces = along[components]
     if not faces.any() or not is_segmentation(mesh if faces.all() else part_of(mesh, faces)[0]):
         return np.zeros_like(along)
@@ -75,7 +77,8 @@ def _largest_normals(mesh: Mesh, across: Vectors) -> Vectors:
 
     A component without such a face has a zero row.
     """
-    found = _largest(mesh.topology.face_components, mesh.areas, mesh.face_normals, across)
+    found, most = np.full(len(across), -1), np.zeros(len(across))
+    _find_largest(mesh.topology.face_components, mesh.areas, mesh.face_normals, across, found, most)
     return np.where((found >= 0)[:, None], mesh.face_normals[found], 0.0)
 
 
@@ -110,25 +113,23 @@ def _share_in_planes(mesh: Mesh) -> float:
 
 
 @kernel
-def _largest(components: Ints32, areas: Floats, normals: Vectors, across: Vectors) -> Ints:
-    """Return the largest face of each of c components whose normal is perpendicular to its vector, (c,); -1 without."""
-    found, most = np.full(len(across), -1), np.zeros(len(across))
+def _find_largest(
+    components: Ints32, areas: Floats, normals: Vectors, across: Vectors, found: Ints, most: Floats
+) -> None:
+    """Find the largest face of each of c components whose normal is perpendicular to its vector, and its area."""
     for f in range(len(areas)):
         c = components[f]
-        if areas[f] > most[c] and abs(dot(row(normals, f), across[c])) < 1e-3:
+        if areas[f] > most[c] and abs(dot(row(normals, f), row(across, c))) < 1e-3:
             found[c], most[c] = f, areas[f]
-    return found
 
 
 @kernel
-def _shares_along(components: Ints32, areas: Floats, normals: Vectors, axes: Floats) -> Floats:
-    """Return the share of the area of each component in faces with a normal along one of its three axes, (c,)."""
-    total, along = np.zeros(len(axes)), np.zeros(len(axes))
+def _add_areas(components: Ints32, areas: Floats, normals: Vectors, axes: Floats, total: Floats, along: Floats) -> None:
+    """Add the areas of the faces of each component, and of those with a normal along one of its three axes."""
     for f in range(len(areas)):
         c = components[f]
         total[c] += areas[f]
         for axis in range(3):
-            if abs(dot(row(normals, f), axes[c, axis])) > 1 - 1e-4:
+            if abs(dot(row(normals, f), row(axes[c], axis))) > 1 - 1e-4:
                 along[c] += areas[f]
                 break
-    return along / np.maximum(total, 1e-300)

@@ -4,6 +4,7 @@ import numpy as np
 
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.mesh import Bools, Csr, Floats, Ints32, Mesh, Vectors, kernel, marked, parallel_for
+from cascadenorm.mesh.topology_kernels import sort
 from cascadenorm.mesh.vectors import Vector, add, divided, dot, length, row, subtract
 
 HIGH = 1.5  # smallest height of a spike above the mean of its neighbours, relative to their mean distance from it
@@ -112,7 +113,7 @@ def _mean(vertices: Vectors, around: Ints32) -> Vector:
     total = (0.0, 0.0, 0.0)
     for j in around:
         total = add(total, row(vertices, j))
-    return divided(total, len(around))
+    return divided(total, float(len(around)))
 
 
 @kernel
@@ -213,12 +214,20 @@ def _offset_range(
             for k in range(neighbors.indptr[j], neighbors.indptr[j + 1]):
                 nearby[count] = heights[neighbors.indices[k]]
                 count += 1
-        level = np.median(nearby)
-        deviation = np.median(np.abs(nearby - level))
+        level = _sorted_median(nearby)
+        deviation = _sorted_median(np.abs(nearby - level))
         offset = heights[i] - level
         outstanding = abs(offset) > max(OUTSTANDING * deviation, least)
         if outstanding and _explains(offset, level, around, heights, neighbors):
             out[i] = offset
+
+
+@kernel
+def _sorted_median(values: Floats) -> float:
+    """Sort values in place and return their median; numpy's median takes longer to compile."""
+    sort(values)
+    middle = len(values) // 2
+    return values[middle] if len(values) % 2 else 0.5 * (values[middle - 1] + values[middle])
 
 
 @kernel

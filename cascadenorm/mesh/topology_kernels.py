@@ -84,7 +84,8 @@ def sides_up_range(start: int, stop: int, faces: Ints32, around: Csr, up: Csr, o
             for side in range(3):
                 a, b = faces[f, side], faces[f, (side + 1) % 3]
                 if min(a, b) == i:
-                    of_sides[f, side] = _place_of(up.indices, up.indptr[i], up.indptr[i + 1] - 1, max(a, b))
+                    higher = np.int64(max(a, b))  # same type as in `_near`: kernels are compiled for each type
+                    of_sides[f, side] = _place_of(up.indices, up.indptr[i], up.indptr[i + 1] - 1, higher)
 
 
 @kernel
