@@ -12,10 +12,10 @@ from cascadenorm.data_gen.meshing.modelled import modelled_mesh
 from cascadenorm.data_gen.meshing.structured import structured_mesh, subdivided_cage, terrain_mesh
 from cascadenorm.data_gen.meshing.surface import cut_out, extent_of, polygonised
 from cascadenorm.data_gen.meshing.tessellation import tessellate
-from cascadenorm.data_gen.scanning.decimated_scans import decimated_scan
 from cascadenorm.data_gen.scanning.isosurfaces import isosurface, tetrahedral_surface
 from cascadenorm.data_gen.scanning.measured import Measured
 from cascadenorm.data_gen.scanning.points import reconstruction
+from cascadenorm.data_gen.scanning.retriangulated_scans import retriangulated_scan
 from cascadenorm.data_gen.scanning.views import fused, scanned_view
 from cascadenorm.data_gen.scanning.volumes import segmentation, tomogram
 from cascadenorm.data_gen.shapes import cad, organic
@@ -26,6 +26,8 @@ from cascadenorm.mesh import Mesh
 
 FINER = 3.0, 14.0  # ratio of the number of faces before decimation to that after it
 FINER_SCANS = 1.4, 7.0  # the same for scans
+COARSER = 1.0, 8.0  # size of the smallest details of a shape, in edges of the scan, before it is decimated or remeshed
+COARSEST = 0.11  # largest size of such details
 MOST_SCANNED = 40_000  # faces of a scan before decimation, unless the ratio would be below the smallest one
 WIDEST_STEPS = 2.2  # largest ratio of the steps of a laser scanner
 USUAL_AREA = 7.0  # area of a shape, which extends to about 1 from the origin
@@ -33,7 +35,7 @@ USUAL_AREA = 7.0  # area of a shape, which extends to about 1 from the origin
 Shape = Callable[[float, np.random.Generator], DistanceField]
 ErrorPart = Literal[
     "whole", "piece", "low-poly", "decimated", "view", "laser", "fused", "mask", "slices", "tomogram",
-    "tetrahedra", "isosurface", "points", "decimated-scan", "tessellation", "structured", "terrain", "subdivided",
+    "tetrahedra", "isosurface", "points", "retriangulated-scan", "tessellation", "structured", "terrain", "subdivided",
     "modelled",
 ]  # fmt: skip
 """What a mesh shows.
@@ -49,7 +51,7 @@ ErrorPart = Literal[
 - "tetrahedra": a noisy distance field meshed by marching tetrahedra.
 - "isosurface": a level of an exact field, mostly with smooth relief.
 - "points": the surface reconstructed from noisy points.
-- "decimated-scan": a mask, tomogram or surface from distances or points after decimation.
+- "retriangulated-scan": a mask, tomogram or surface from distances or points, decimated or remeshed.
 - "tessellation": faces of a CAD model, each triangulated.
 - "structured": a surface over a grid of parameters.
 - "terrain": heights over a grid.
@@ -80,7 +82,7 @@ class ShapeFamily:
     @property
     def measured(self) -> bool:
         """Whether the measurement itself produces the error, so that no noise is added."""
-        return self.part in ("mask", "slices", "tomogram", "tetrahedra", "points", "decimated-scan")
+        return self.part in ("mask", "slices", "tomogram", "tetrahedra", "points", "retriangulated-scan")
 
     @property
     def seen(self) -> bool:
@@ -99,14 +101,17 @@ class ShapeFamily:
             return Measured.on_surface(mesh, mesh)
         area = USUAL_AREA * (0.25 if self.part == "piece" else 1.0)
         finer = log_uniform(FINER, rng=rng) if self.part == "decimated" else 1.0
-        if self.part == "decimated-scan":
+        if self.part == "retriangulated-scan":
             finer = min(log_uniform(FINER_SCANS, rng=rng), max(MOST_SCANNED / faces, FINER_SCANS[0]))
-        field = self.shape(float(np.sqrt(2.3 * area / (faces * finer))), rng)
+        edge = float(np.sqrt(2.3 * area / (faces * finer)))
+        if self.part == "retriangulated-scan":
+            edge = max(edge, min(edge * log_uniform(COARSER, rng=rng), COARSEST))
+        field = self.shape(edge, rng)
         extent = extent_of(field, rng=rng)
         if self.part in MEASUREMENTS:
             return MEASUREMENTS[self.part](field, extent, faces=faces, level=level, rng=rng)
-        if self.part == "decimated-scan":
-            return decimated_scan(field, extent, faces=faces, finer=finer, level=level, rng=rng)
+        if self.part == "retriangulated-scan":
+            return retriangulated_scan(field, extent, faces=faces, finer=finer, level=level, rng=rng)
         if self.part in ("mask", "slices"):
             return segmentation(field, extent, faces=faces, slices=self.part == "slices", rng=rng)
         if self.part in ("view", "laser"):
@@ -171,6 +176,6 @@ SHAPE_FAMILIES: dict[str, ShapeFamily] = {
     "tetrahedra": ShapeFamily(OBJECTS, 0.9, sharp=True, part="tetrahedra"),
     "isosurface": ShapeFamily(OBJECTS, 0.9, sharp=True, part="isosurface"),
     "points": ShapeFamily(OBJECTS, 0.9, sharp=True, part="points"),
-    "decimated_scan": ShapeFamily(OBJECTS, 0.9, sharp=True, part="decimated-scan"),
+    "retriangulated_scan": ShapeFamily(OBJECTS, 0.9, sharp=True, part="retriangulated-scan"),
     "cad_tessellation": ShapeFamily(None, 0.9, sharp=True, part="tessellation"),
 }

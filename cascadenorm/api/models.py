@@ -236,7 +236,7 @@ def train_gate(
     threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Denoiser:
-    """Train a gate that chooses between two trained cascades, and write all of them to a weights file.
+    """Train the gates that choose between two trained cascades, and write all of them to a weights file.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def train_gate(
         Weights file of the network for strong noise, which follows the first stage of the vertex network, see
         `configs/strong.toml`.
     seed
-        Random seed for the trees of the gate.
+        Random seed for the trees of the gates.
     force
         Replace an existing file.
     threads

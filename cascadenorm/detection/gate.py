@@ -1,8 +1,8 @@
 """The gate that selects a network for each component from its tessellation."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Literal, NamedTuple
-from weakref import WeakKeyDictionary
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ volumes, scanners, cameras and point clouds, `unknown` for meshes whose triangle
 as coarse copies."""
 
 THRESHOLD = 0.6  # probability above which a component is treated as a measured surface
+SECOND_THRESHOLD = 0.55  # the same for a second opinion
 # The forest mistakes components with sides along the lattice of the mask for tessellated shapes.
 REPEATED = 0.5  # fraction of triangles with the 16 most frequent shapes above which a closed component may be a mask
 SMALL_SHARE = 0.005  # components with a smaller fraction of the faces of the mesh are classified together
@@ -27,22 +28,31 @@ class Gate:
     """A forest of extremely randomised decision trees as plain arrays (Geurts, Ernst, Wehenkel 2006)."""
 
     roots: Ints32  # (t,) root node of each tree
-    figures: Ints32  # (k,) index of the feature that each node compares; -1 at a leaf
-    limits: Floats32  # (k,) threshold of each node; values up to it lead to the lower child
-    children: Ints32  # (k, 2) lower and upper child of each node
-    shares: Floats32  # (k,) fraction of measured surfaces at each leaf
+    figures: NDArray[np.int8]  # (k,) index of the feature that each node compares; -1 at a leaf
+    # (k,) threshold of each inner node, up to which values lead to its lower child, which is the next node; at a leaf,
+    # the fraction of measured surfaces
+    values: Floats32
+    upper: Ints32  # (k,) upper child of each inner node
 
     def probability(self, figures: Floats) -> float:
         """Return the probability that a surface with the given features is a measured one."""
         nodes, given = self.roots, figures.astype(np.float32)
         while (inner := self.figures[nodes] >= 0).any():
-            upper = given[self.figures[nodes]] > self.limits[nodes]
-            nodes = np.where(inner, self.children[nodes, upper.astype(np.intp)], nodes)
-        return float(self.shares[nodes].mean(dtype=np.float64))
+            upper = given[self.figures[nodes]] > self.values[nodes]
+            nodes = np.where(inner, np.where(upper, self.upper[nodes], nodes + 1), nodes)
+        return float(self.values[nodes].mean(dtype=np.float64))
 
-    def arrays(self) -> dict[str, Floats32 | Ints32]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays by the names of the constructor's parameters."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Gate":
+        """Rebuild a gate from its arrays, also from those of older weights files, which list both children."""
+        if "children" not in arrays:
+            return cls(**arrays)
+        values = np.where(arrays["figures"] < 0, arrays["shares"], arrays["limits"])
+        return cls(arrays["roots"], arrays["figures"].astype(np.int8), values, arrays["children"][:, 1])
 
 
 class ComponentKinds(NamedTuple):
@@ -52,38 +62,42 @@ class ComponentKinds(NamedTuple):
     probabilities: Floats  # (c,) probability that it is one; NaN for vertices without a face
 
 
-_known: WeakKeyDictionary[Mesh, tuple[Gate, ComponentKinds]] = WeakKeyDictionary()
-"""The last result of `component_kinds` for each mesh, which `auto` and the summary of its result both need."""
+SecondOpinion = Callable[[Mesh, NDArray[np.intp]], float]
+"""Returns the probability that some faces of a mesh, given by their indices, are measured, if a gate denies it."""
 
 
-def component_kinds(gate: Gate, mesh: Mesh) -> ComponentKinds:
+def component_kinds(gate: Gate, mesh: Mesh, second_opinion: SecondOpinion | None = None) -> ComponentKinds:
     """Classify each connected component of a mesh; small components (see SMALL_SHARE) are classified together.
 
     Closed components with few distinct triangle shapes also count as measured surfaces if they have the steps of a
-    binary mask (see `is_segmentation`).
+    binary mask (see `is_segmentation`). Other components count as measured if the second opinion says so.
     """
-    known = _known.get(mesh)
-    if known is None or known[0] is not gate:
-        known = _known[mesh] = gate, _classified(gate, mesh)
-    return known[1]
-
-
-def _classified(gate: Gate, mesh: Mesh) -> ComponentKinds:
     components = mesh.topology.face_components
     counts = np.bincount(components, minlength=mesh.topology.component_count)
     small = counts < SMALL_SHARE * len(components)
     group = np.where(small, len(counts), np.arange(len(counts)))[components]
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
-    probabilities = np.full(len(counts) + 1, np.nan)
+    measured, probabilities = np.zeros(len(counts) + 1, bool), np.full(len(counts) + 1, np.nan)
     for faces in np.split(order, starts[1:]):
-        figures = triangulation_figures(mesh, faces)
-        probability = gate.probability(figures)
-        if probability < THRESHOLD and _is_mask(mesh, faces, figures):
-            probability = 1.0
-        probabilities[group[faces[0]]] = probability
-    each = np.where(small & (counts > 0), probabilities[-1], probabilities[:-1])
-    return ComponentKinds(each >= THRESHOLD, each)
+        found = group[faces[0]]
+        measured[found], probabilities[found] = _classified(gate, mesh, faces, second_opinion)
+    number = np.where(small & (counts > 0), len(counts), np.arange(len(counts)))
+    return ComponentKinds(measured[number], probabilities[number])
+
+
+def _classified(
+    gate: Gate, mesh: Mesh, faces: NDArray[np.intp], second_opinion: SecondOpinion | None
+) -> tuple[bool, float]:
+    """Return whether some faces of a mesh are a measured surface, and the probability."""
+    figures = triangulation_figures(mesh, faces)
+    probability = gate.probability(figures)
+    if probability >= THRESHOLD:
+        return True, probability
+    if _is_mask(mesh, faces, figures):
+        return True, 1.0
+    second = 0.0 if second_opinion is None else second_opinion(mesh, faces)
+    return (True, second) if second >= SECOND_THRESHOLD else (False, probability)
 
 
 def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:

@@ -227,7 +227,8 @@ def _sorted_median(values: Floats) -> float:
     """Sort values in place and return their median; numpy's median takes longer to compile."""
     sort(values)
     middle = len(values) // 2
-    return values[middle] if len(values) % 2 else 0.5 * (values[middle - 1] + values[middle])
+    median: float = values[middle] if len(values) % 2 else 0.5 * (values[middle - 1] + values[middle])
+    return median
 
 
 @kernel

@@ -1,24 +1,27 @@
-"""The cascades of `auto`, and the gate that chooses between them per component."""
+"""The cascades of `auto`, and the gates that choose between them per component."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike, fspath
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from cascadenorm.detection.gate import ComponentKinds, Gate, Treatment, component_kinds
 from cascadenorm.learned.cascade import Cascade
 from cascadenorm.learned.noise_evidence import component_angles, noise_evidence, turning_angles
-from cascadenorm.learned.stage_normals import stage_normals
+from cascadenorm.learned.second_gate import SecondGate, first_normals
 from cascadenorm.learned.weights import Arrays, packed, unpacked
 from cascadenorm.mesh import Bools, Mesh, Vectors, with_part_moved
 from cascadenorm.registry import ParameterError
 
-GATED_FORMATS = ("cascadenorm-gated/4", "cascadenorm-gated/3", "cascadenorm-gated/2", "cascadenorm-gated/1")
-"""Formats of weights files. The first one is written; the others have no network for strong noise. Cascades within them
-have a format in CASCADE_FORMATS."""
+GATED_FORMATS = (
+    "cascadenorm-gated/5", "cascadenorm-gated/4", "cascadenorm-gated/3", "cascadenorm-gated/2", "cascadenorm-gated/1",
+)  # fmt: skip
+"""Formats of weights files. The first one is written; the others have no second gate, and those before 4 no network for
+strong noise. Cascades within them have a format in CASCADE_FORMATS."""
 STRONG_NOISE = np.radians(6.0)
 """Smallest mean angle by which the first stage of the vertex network turns the faces of a component with strong noise.
 Noise of 0.08 mean edge lengths reaches it."""
@@ -34,6 +37,8 @@ class GatedCascades:
     gate_card: Mapping[str, Any]  # how the gate was trained; any JSON value
     # network for strong vertex noise, which begins with the first stage of the vertex network, if there is one
     strong: Cascade | None = None
+    # recognises measured surfaces on which the vertex network finds hardly any noise, if there is one
+    second_gate: Gate | None = None
 
     @property
     def card(self) -> dict[str, Any]:
@@ -49,10 +54,19 @@ class GatedCascades:
     def component_kinds(self, mesh: Mesh, treat_as: Treatment | None = None) -> ComponentKinds:
         """Classify each component of a mesh by the gate, or all of them as `treat_as`."""
         if treat_as is None:
-            return component_kinds(self.gate, mesh)
+            return self._detected_kinds(mesh)
         probability = float(treat_as != "vertex-noise")
         count = mesh.topology.component_count
         return ComponentKinds(np.full(count, probability == 1), np.full(count, probability))
+
+    def _detected_kinds(self, mesh: Mesh) -> ComponentKinds:
+        known = _known.get(mesh)
+        if known is None or known[0] is not self:
+            second = None
+            if self.second_gate is not None:
+                second = SecondGate(self.second_gate, self.vertex.stages[0], self.surface.stages[0])
+            known = _known[mesh] = self, component_kinds(self.gate, mesh, second)
+        return known[1]
 
     def vertices(self, mesh: Mesh) -> Vectors:
         """Return the denoised vertices, (n, 3), using the network that the gate chooses for each component."""
@@ -66,6 +80,8 @@ class GatedCascades:
     def to_bytes(self) -> bytes:
         """Return the content of a weights file. Equal models have equal bytes."""
         parts = {name: network.tensors() for name, network in self.networks.items()} | {"gate": self.gate.arrays()}
+        if self.second_gate is not None:
+            parts["second_gate"] = self.second_gate.arrays()
         tensors: Arrays = {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
         for name in self.vertex.stages[0].arrays():
             tensors.pop(f"strong.stage0.{name}", None)  # the same as in the vertex network
@@ -75,14 +91,20 @@ class GatedCascades:
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], tensors: Arrays, source: str) -> "GatedCascades":
         """Rebuild a model from its header and its arrays. Raises the errors of `Cascade.from_parts`."""
-        vertex, surface, strong, gate = (_under(tensors, part) for part in ("vertex", "surface", "strong", "gate"))
+        vertex, surface, strong = (_under(tensors, part) for part in ("vertex", "surface", "strong"))
+        gate, second_gate = (_under(tensors, part) for part in ("gate", "second_gate"))
         return cls(
             Cascade.from_parts(header["vertex"], vertex, source),
             Cascade.from_parts(header["surface"], surface, source),
-            Gate(**gate),
+            Gate.from_arrays(gate),
             header["gate"],
             Cascade.from_parts(header["strong"], {**vertex, **strong}, source) if "strong" in header else None,
+            Gate.from_arrays(second_gate) if second_gate else None,
         )
+
+
+_known: WeakKeyDictionary[Mesh, tuple[GatedCascades, ComponentKinds]] = WeakKeyDictionary()
+"""The last classification of each mesh, which `auto` and the summary of its result both need."""
 
 
 class ChosenNetworks(NamedTuple):
@@ -112,7 +134,7 @@ def _denoised(network: Cascade, mesh: Mesh, impulsive: Bools, *, strong: Cascade
     by STRONG_NOISE or more.
     """
     topology = mesh.topology
-    normals = stage_normals(network.stages[0], mesh, mesh)
+    normals = first_normals(network.stages[0], mesh)
     angles = turning_angles(mesh, normals)
     evidence = np.maximum(noise_evidence(mesh, angles, white=white), impulsive)
     noisy = np.isin(topology.face_components, topology.components[evidence > 0])

@@ -35,7 +35,7 @@ TreatAs = Annotated[
     Treatment | None,
     Parameter(
         "Kind of surface to assume; unknown omits the final filter of measured surfaces. Default: detected for each "
-        "component from its triangulation"
+        "component"
     ),
 ]
 
@@ -46,9 +46,10 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 
     The inputs of the networks are normals after iterated bilateral filters and normals of smoothed vertices. There are
     two networks: one trained on vertex noise, the other on the errors of volumes, scanners, cameras and point clouds.
-    For each connected component, a gate chooses between them from the triangulation. Strong vertex noise has its own
-    later stages. Measured surfaces are then filtered bilaterally, and their boundaries also fitted by quadrics, unless
-    `treat_as` is `unknown`.
+    For each connected component, a gate chooses between them from the triangulation. Where it denies a measurement and
+    the first network finds hardly any noise, a second gate decides by what the other network would remove. Strong
+    vertex noise has its own later stages. Measured surfaces are then filtered bilaterally, and their boundaries also
+    fitted by quadrics, unless `treat_as` is `unknown`.
 
     Formula
     -------

@@ -58,7 +58,7 @@ def noise_evidence(mesh: Mesh, angles: Floats, *, white: bool = False) -> Floats
     turned = evidence > 0
     if white and turned.any():
         noise = component_noise(mesh, marked(topology.components[turned], topology.component_count) & (overall < 1))
-        (explained,) = _averages(mesh, _explained_angles(mesh, noise[topology.face_components]))
+        (explained,) = _averages(mesh, explained_angles(mesh, noise[topology.face_components]))
         ratio = explained[turned] / mean[turned]
         evidence[turned] *= np.maximum(_rise(ratio, *EXPLAINED), _rise(mean[turned], *LOCAL))
     corners = mesh.faces.ravel()
@@ -72,7 +72,7 @@ def _averages(mesh: Mesh, *values: Floats) -> Floats:
     return averaged(around, mesh.topology.vertex_neighbors, ROUNDS).T
 
 
-def _explained_angles(mesh: Mesh, noise: Floats) -> Floats:
+def explained_angles(mesh: Mesh, noise: Floats) -> Floats:
     """Return the mean angle in radians by which white noise turns each face, (m,); right angles where it is unknown.
 
     Noise of deviation s, (m,), changes the slope of a face of area A and sides l by s √(Σ l²) / (2 A), as a root mean

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cascadenorm.compute.arrays import Ints, Ints32, doubled
+from cascadenorm.compute.arrays import Index, Ints, Ints32, doubled
 from cascadenorm.compute.csr import Csr
 from cascadenorm.compute.kernels import kernel
 
@@ -64,7 +64,7 @@ def edges_up_range(start: int, stop: int, faces: Ints32, around: Csr) -> tuple[I
 
 
 @kernel
-def _place_of(indices: Ints32, low: int, high: int, number: int) -> int:
+def _place_of(indices: Ints32, low: int, high: int, number: Index) -> int:
     """Return the place of a number in the ascending indices from low to high, by binary search."""
     while low < high:
         middle = (low + high) // 2

@@ -4,6 +4,7 @@ from typing import Literal
 
 import numpy as np
 
+from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import (
     CORNER,
     CREASE,
@@ -18,16 +19,38 @@ from cascadenorm.data_gen.meshing.half_edges import (
     distance,
     doubled_area_vector,
     flip,
+    half_edges_of,
+    is_manifold,
     leaving,
+    mesh_of,
     shape,
     split,
 )
-from cascadenorm.mesh import Floats, Ints, kernel
+from cascadenorm.data_gen.meshing.surface import fit
+from cascadenorm.mesh import Floats, Ints, Mesh, kernel
 from cascadenorm.mesh.vectors import add, dot, length
 
 LONG, SHORT = 4 / 3, 4 / 5  # bounds relative to the target length (Botsch and Kobbelt 2004)
 THIN_QUALITY = 0.06  # triangles of lower quality than this are repaired
 TINY_EDGE = 0.12  # edges shorter than this share of the target are artefacts of the polygoniser, even along creases
+
+
+def remeshed(mesh: Mesh, *, faces: int, rounds: int) -> Mesh:
+    """Return a mesh of about `faces` nearly equilateral triangles (Botsch and Kobbelt 2004), without projecting them.
+
+    Raises UnfitShapeError if the mesh before or after is invalid.
+    """
+    if not is_manifold(mesh):
+        raise UnfitShapeError("the mesh is not manifold")
+    half_edges = half_edges_of(mesh)
+    half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
+    for _ in range(rounds):
+        split_long(half_edges)
+        collapse_short(half_edges, SHORT)
+        flip_edges(half_edges, rule="valence")
+        slide(half_edges, 0.6)
+    mend(half_edges)
+    return fit(mesh_of(half_edges))
 
 
 def flip_edges(half_edges: HalfEdges, *, rule: Literal["valence", "delaunay"]) -> None:

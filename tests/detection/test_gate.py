@@ -7,7 +7,7 @@ from shapes import ball_of_voxels, grid, icosphere, side_by_side
 from sklearn.ensemble import ExtraTreesClassifier
 
 from cascadenorm.data_gen.scanning.volumes import volume_surface
-from cascadenorm.detection.gate import SMALL_SHARE, component_kinds
+from cascadenorm.detection.gate import SMALL_SHARE, Gate, component_kinds
 from cascadenorm.detection.triangulation import FIGURES
 from cascadenorm.learned.training.gate_training import GateConfig, fitted_gate
 from cascadenorm.mesh import Mesh
@@ -23,6 +23,36 @@ def test_trees_as_arrays_say_what_the_forest_says():
     tested = rng.normal(size=(50, len(FIGURES))).astype(np.float32)
     expected = forest.predict_proba(tested)[:, 1]
     np.testing.assert_allclose([gate.probability(row) for row in tested], expected, atol=1e-6)
+
+
+def test_a_gate_is_read_from_older_weights_that_list_both_children():
+    older = {
+        "roots": np.array([0], np.int32),
+        "figures": np.array([3, -1, 5, -1, -1], np.int32),
+        "limits": np.array([1.0, 0, 2.0, 0, 0], np.float32),
+        "children": np.array([(1, 2), (0, 0), (3, 4), (0, 0), (0, 0)], np.int32),
+        "shares": np.array([0, 0.1, 0, 0.4, 0.9], np.float32),
+    }
+    gate = Gate.from_arrays(older)
+    assert gate.probability(np.array([0, 0, 0, 0.5, 0, 3.0])) == pytest.approx(0.1)
+    assert gate.probability(np.array([0, 0, 0, 1.5, 0, 1.0])) == pytest.approx(0.4)
+    assert gate.probability(np.array([0, 0, 0, 1.5, 0, 3.0])) == pytest.approx(0.9)
+    again = Gate.from_arrays(gate.arrays())
+    assert all(np.array_equal(array, again.arrays()[name]) for name, array in gate.arrays().items())
+
+
+@pytest.mark.parametrize(("second", "measured"), [(0.6, [True, True]), (0.5, [True, False])])
+def test_a_second_opinion_is_asked_only_for_what_the_gate_does_not_recognise(second, measured):
+    mesh, asked = side_by_side(grid(10, 10), icosphere(2)), []
+
+    def opinion(mesh, faces):
+        asked.append(len(faces))
+        return second
+
+    kinds = component_kinds(OPEN, mesh, opinion)
+    assert asked == [len(icosphere(2).faces)]
+    assert kinds.measured.tolist() == measured
+    assert kinds.probabilities.tolist() == pytest.approx([0.9, second if measured[1] else 0.1])
 
 
 def test_each_component_is_judged_by_its_own_triangles():

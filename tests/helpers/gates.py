@@ -1,16 +1,21 @@
-"""A gate that knows open surfaces alone."""
+"""Gates of a single decision."""
 
 import numpy as np
 
 from cascadenorm.detection.gate import Gate
 from cascadenorm.detection.triangulation import FIGURES
 
+
+def gate_above(figure: int, limit: float) -> Gate:
+    """Return a gate that takes surfaces with a larger value of a feature for measured ones."""
+    return Gate(
+        roots=np.array([0], np.int32),
+        figures=np.array([figure, -1, -1], np.int8),
+        values=np.array([limit, 0.1, 0.9], np.float32),
+        upper=np.array([2, 0, 0], np.int32),
+    )
+
+
 OPEN_SIDES = FIGURES.index("open sides")
-OPEN = Gate(
-    roots=np.array([0], np.int32),
-    figures=np.array([OPEN_SIDES, -1, -1], np.int32),
-    limits=np.zeros(3, np.float32),
-    children=np.array([(1, 2), (0, 0), (0, 0)], np.int32),
-    shares=np.array([0, 0.1, 0.9], np.float32),
-)
+OPEN = gate_above(OPEN_SIDES, 0.0)
 """A gate that takes open surfaces for measured ones."""

@@ -37,6 +37,7 @@ def test_a_file_holds_both_networks_and_the_gate(gated, tmp_path):
     assert isinstance(again, GatedCascades)
     assert again.to_bytes() == gated.to_bytes()
     assert again.card["gate"] == {"note": "for a test"}
+    assert again.second_gate is None
     with pytest.raises(cn.ParameterError, match="cascadenorm-gated"):
         Cascade.load(path)
 

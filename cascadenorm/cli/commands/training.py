@@ -121,7 +121,7 @@ def train_gate(
     force: Force = False,
     **controls: Any,
 ) -> None:
-    """Train the gate that lets `auto` choose between two trained networks, and write all of them to one file."""
+    """Train the gates that let `auto` choose between two trained networks, and write all of them to one file."""
     from cascadenorm.api import models
     from cascadenorm.cli import progress_bars
 

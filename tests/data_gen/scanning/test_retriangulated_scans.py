@@ -1,15 +1,20 @@
-"""Decimated scans keep the error of the scan."""
+"""Decimated and remeshed scans keep the error of the scan."""
 
 import numpy as np
+import pytest
 from small_datasets import SMALL
 
 from cascadenorm.data_gen import DatasetConfig, pair
+from cascadenorm.data_gen.scanning import retriangulated_scans
 from cascadenorm.mesh import angles_between
 
 
-def test_decimated_scans_keep_the_error_of_the_scan():
+@pytest.mark.parametrize("remeshed", [0.0, 1.0])
+def test_scans_with_other_triangles_keep_their_error(remeshed, monkeypatch):
+    monkeypatch.setattr(retriangulated_scans, "REMESHED", remeshed)
+
     def mean_angle(level):
-        config = DatasetConfig(seed=5, families=("decimated_scan",), min_level=level, max_level=level, **SMALL)
+        config = DatasetConfig(seed=5, families=("retriangulated_scan",), min_level=level, max_level=level, **SMALL)
         made = [pair(config, index) for index in (0, 1, 4, 5)]  # 2 takes as long as all of these, 3 is flat
         assert {one.noise_kind for one in made} == {"none"}
         return np.mean([np.degrees(angles_between(one.noisy.face_normals, one.normals)).mean() for one in made])
