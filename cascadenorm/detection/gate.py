@@ -1,6 +1,6 @@
 """The gate that selects a network for each component from its tessellation."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal, NamedTuple
 
@@ -62,8 +62,8 @@ class ComponentKinds(NamedTuple):
     probabilities: Floats  # (c,) probability that it is one; NaN for vertices without a face
 
 
-SecondOpinion = Callable[[Mesh, NDArray[np.intp]], float]
-"""Returns the probability that some faces of a mesh, given by their indices, are measured, if a gate denies it."""
+SecondOpinion = Callable[[Mesh, Sequence[NDArray[np.intp]]], Floats]
+"""Returns the probability that each of several groups of faces of a mesh, given by their indices, is measured."""
 
 
 def component_kinds(gate: Gate, mesh: Mesh, second_opinion: SecondOpinion | None = None) -> ComponentKinds:
@@ -78,26 +78,27 @@ def component_kinds(gate: Gate, mesh: Mesh, second_opinion: SecondOpinion | None
     group = np.where(small, len(counts), np.arange(len(counts)))[components]
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    groups = np.split(order, starts[1:])
+    found = np.array([_probability(gate, mesh, faces) for faces in groups])
+    recognised = found >= THRESHOLD
+    if second_opinion is not None and not recognised.all():
+        others = np.flatnonzero(~recognised)
+        second = second_opinion(mesh, [groups[k] for k in others])
+        sure = second >= SECOND_THRESHOLD
+        found[others[sure]], recognised[others[sure]] = second[sure], True
+
     measured, probabilities = np.zeros(len(counts) + 1, bool), np.full(len(counts) + 1, np.nan)
-    for faces in np.split(order, starts[1:]):
-        found = group[faces[0]]
-        measured[found], probabilities[found] = _classified(gate, mesh, faces, second_opinion)
-    number = np.where(small & (counts > 0), len(counts), np.arange(len(counts)))
-    return ComponentKinds(measured[number], probabilities[number])
+    numbers = group[order[starts]]
+    measured[numbers], probabilities[numbers] = recognised, found
+    of_component = np.where(small & (counts > 0), len(counts), np.arange(len(counts)))
+    return ComponentKinds(measured[of_component], probabilities[of_component])
 
 
-def _classified(
-    gate: Gate, mesh: Mesh, faces: NDArray[np.intp], second_opinion: SecondOpinion | None
-) -> tuple[bool, float]:
-    """Return whether some faces of a mesh are a measured surface, and the probability."""
+def _probability(gate: Gate, mesh: Mesh, faces: NDArray[np.intp]) -> float:
+    """Return the probability that some faces of a mesh are a measured surface, 1 for a binary mask."""
     figures = triangulation_figures(mesh, faces)
     probability = gate.probability(figures)
-    if probability >= THRESHOLD:
-        return True, probability
-    if _is_mask(mesh, faces, figures):
-        return True, 1.0
-    second = 0.0 if second_opinion is None else second_opinion(mesh, faces)
-    return (True, second) if second >= SECOND_THRESHOLD else (False, probability)
+    return 1.0 if probability < THRESHOLD and _is_mask(mesh, faces, figures) else probability
 
 
 def _is_mask(mesh: Mesh, faces: NDArray[np.intp], figures: Floats) -> bool:

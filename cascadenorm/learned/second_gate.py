@@ -5,6 +5,7 @@ takes an error that is smooth at the scale of the edges for shape. The first sta
 errors. The second gate compares what it would remove with what it removes from clean meshes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -15,11 +16,12 @@ from cascadenorm.detection.gate import Gate
 from cascadenorm.detection.noise_level import noise_level
 from cascadenorm.learned.noise_evidence import LITTLE, explained_angles, turning_angles
 from cascadenorm.learned.regression import Regression
-from cascadenorm.learned.stage_normals import stage_normals
+from cascadenorm.learned.stage_normals import FACTS, stage_normals
 from cascadenorm.mesh import Floats, Mesh, Vectors, angles_between, part_of
 from cascadenorm.mesh.averages import averaged, averaged_around
 
 SAMPLED_FACES = 20_000  # largest number of faces evaluated; of larger surfaces, that many are sampled
+SMALLEST_SAMPLE = 2_000  # of many surfaces, at least that many faces each, or all
 SAMPLES = 4  # connected parts of a sample
 AVERAGES = 0, 1, 2, 4, 8  # passes of averaging after which the size of what the stage removes is measured
 SHARES = 0.1, 0.5, 0.9
@@ -34,25 +36,39 @@ class SecondGate:
     vertex: Regression
     surface: Regression
 
-    def __call__(self, mesh: Mesh, faces: NDArray[np.intp]) -> float:
-        """Return the probability that some faces of a mesh, given by their indices, are a measured surface.
+    def __call__(self, mesh: Mesh, groups: Sequence[NDArray[np.intp]]) -> Floats:
+        """Return the probability that each group of faces, given by their indices, is a measured surface.
 
         It is 0 if the vertex network finds noise.
         """
-        figures = unnoticed_figures(self.vertex, self.surface, mesh, faces)
-        return 0.0 if figures is None else self.forest.probability(figures)
+        found = unnoticed_figures(self.vertex, self.surface, mesh, groups)
+        return np.array([0.0 if figures is None else self.forest.probability(figures) for figures in found])
 
 
-def unnoticed_figures(vertex: Regression, surface: Regression, mesh: Mesh, faces: NDArray[np.intp]) -> Floats | None:
-    """Measure what the first stage of the surface network removes from some faces of a mesh; see `removed_figures`.
+def unnoticed_figures(
+    vertex: Regression, surface: Regression, mesh: Mesh, groups: Sequence[NDArray[np.intp]]
+) -> list[Floats | None]:
+    """Measure what the first stage of the surface network removes from each group of faces; see `removed_figures`.
 
-    Returns None if the first stage of the vertex network turns the faces by 3 degrees or more, that is, finds noise.
+    It is None if the first stage of the vertex network turns them by 3 degrees or more, that is, finds noise.
     """
-    sample = _sampled(mesh, faces)
-    part = mesh if len(sample) == len(mesh.faces) else part_of(mesh, sample)[0]
-    if turning_angles(part, first_normals(vertex, part)).mean() >= LITTLE[1]:
-        return None
-    return removed_figures(part, first_normals(surface, part))
+    most = max(SAMPLED_FACES // len(groups), SMALLEST_SAMPLE)
+    samples = [_sampled(mesh, faces, most) for faces in groups]
+    every = np.sort(np.concatenate(samples))
+    whole = len(every) == len(mesh.faces)
+    part = mesh if whole else part_of(mesh, every)[0].with_facts(**{fact: getattr(mesh, fact) for fact in FACTS})
+    places = samples if whole else [np.searchsorted(every, sample) for sample in samples]
+    angles = turning_angles(part, first_normals(vertex, part))
+    quiet = [float(angles[place].mean()) < LITTLE[1] for place in places]
+    normals = first_normals(surface, part) if any(quiet) else None
+    return [
+        None if normals is None or not unnoticed else removed_figures(_own(part, place), normals[place])
+        for place, unnoticed in zip(places, quiet, strict=True)
+    ]
+
+
+def _own(mesh: Mesh, faces: NDArray[np.intp]) -> Mesh:
+    return mesh if len(faces) == len(mesh.faces) else part_of(mesh, faces)[0]
 
 
 def removed_figures(mesh: Mesh, normals: Vectors) -> Floats:
@@ -76,8 +92,8 @@ def removed_figures(mesh: Mesh, normals: Vectors) -> Floats:
 
     angles = np.degrees(angles_between(before, normals, undefined=0.0))
     mean = max(float(angles.mean()), LEAST)
-    bends = np.degrees(angles_between(normals[rows], normals[others])) if len(rows) else np.zeros(1)
-    bends_before = np.degrees(angles_between(before[rows], before[others])) if len(rows) else np.ones(1)
+    bends = np.degrees(angles_between(normals[rows], normals[others], undefined=0.0)) if len(rows) else np.zeros(1)
+    bends_before = np.degrees(angles_between(before[rows], before[others], undefined=0.0)) if len(rows) else np.ones(1)
     noise = noise_level(mesh) or 0.0
     explained = np.degrees(explained_angles(mesh, np.full(len(mesh.faces), noise * mesh.mean_edge_length)))
     return np.array(
@@ -104,11 +120,11 @@ def first_normals(stage: Regression, mesh: Mesh) -> Vectors:
     return known[-1][1]
 
 
-def _sampled(mesh: Mesh, faces: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return some faces, or those nearest to a few random ones of them, up to SAMPLED_FACES."""
-    if len(faces) <= SAMPLED_FACES:
+def _sampled(mesh: Mesh, faces: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Return some faces in ascending order, or if there are too many, those nearest to a few random ones of them."""
+    if len(faces) <= most:
         return faces
-    centroids, count = mesh.centroids[faces], SAMPLED_FACES // SAMPLES
+    centroids, count = mesh.centroids[faces], most // SAMPLES
     reach = np.sqrt(count * mesh.areas[faces].mean())
     chosen = []
     for middle in centroids[np.random.default_rng(0).choice(len(faces), SAMPLES, replace=False)]:

@@ -45,9 +45,9 @@ def test_a_gate_is_read_from_older_weights_that_list_both_children():
 def test_a_second_opinion_is_asked_only_for_what_the_gate_does_not_recognise(second, measured):
     mesh, asked = side_by_side(grid(10, 10), icosphere(2)), []
 
-    def opinion(mesh, faces):
-        asked.append(len(faces))
-        return second
+    def opinion(mesh, groups):
+        asked.extend(len(faces) for faces in groups)
+        return np.full(len(groups), second)
 
     kinds = component_kinds(OPEN, mesh, opinion)
     assert asked == [len(icosphere(2).faces)]

@@ -126,7 +126,7 @@ def compare_unnoticed(model: GatedCascades, made: Pair) -> Compared | None:
     faces = np.arange(len(mesh.faces))
     if model.gate.probability(triangulation_figures(mesh, faces)) >= THRESHOLD:
         return None
-    figures = unnoticed_figures(model.vertex.stages[0], model.surface.stages[0], mesh, faces)
+    (figures,) = unnoticed_figures(model.vertex.stages[0], model.surface.stages[0], mesh, [faces])
     return None if figures is None else _compared(model.vertex, model.surface, made, mesh, figures)
 
 

@@ -15,7 +15,7 @@ def test_scans_with_other_triangles_keep_their_error(remeshed, monkeypatch):
 
     def mean_angle(level):
         config = DatasetConfig(seed=5, families=("retriangulated_scan",), min_level=level, max_level=level, **SMALL)
-        made = [pair(config, index) for index in (0, 1, 4, 5)]  # 2 takes as long as all of these, 3 is flat
+        made = [pair(config, index) for index in (3, 8)]  # others are masks, which have no level
         assert {one.noise_kind for one in made} == {"none"}
         return np.mean([np.degrees(angles_between(one.noisy.face_normals, one.normals)).mean() for one in made])
 
