@@ -59,9 +59,9 @@ def auto(mesh: Mesh, *, model: Model = None, treat_as: TreatAs = None) -> Vector
 
     Limits
     ------
-    Relief that is smooth at the scale of the edges counts as shape, unless the triangulation indicates a measured
-    surface. Segmentations with thick slices and noise that folds faces over remain difficult. The networks were trained
-    on generated shapes, so kinds of error that were not simulated may remain.
+    Relief that is smooth at the scale of the edges counts as shape, unless a gate recognises a measured surface.
+    Segmentations with thick slices and noise that folds faces over remain difficult. The networks were trained on
+    generated shapes, so kinds of error that were not simulated may remain.
     """
     noisy, mesh = mesh, without_outliers(mesh)
     network: Learned | ChosenNetworks = loaded(model, "auto")

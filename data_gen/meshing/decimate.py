@@ -5,7 +5,6 @@ Curved regions keep many triangles, flat ones few.
 
 import numpy as np
 
-from cascadenorm.data_gen.errors import UnfitShapeError
 from cascadenorm.data_gen.meshing.half_edges import (
     CORNER,
     RING,
@@ -15,11 +14,9 @@ from cascadenorm.data_gen.meshing.half_edges import (
     collapse_keeps_manifold,
     distance,
     doubled_area_vector,
-    half_edges_of,
-    is_manifold,
     mesh_of,
 )
-from cascadenorm.data_gen.meshing.remesh import faces_survive
+from cascadenorm.data_gen.meshing.remesh import editable, faces_survive
 from cascadenorm.data_gen.meshing.surface import fit
 from cascadenorm.mesh import Floats, Mesh, kernel
 from cascadenorm.mesh.vectors import length
@@ -27,10 +24,7 @@ from cascadenorm.mesh.vectors import length
 
 def thinned(mesh: Mesh, *, faces: int, evenness: float) -> Mesh:
     """Return a mesh decimated to about `faces` faces; see `decimate`. Raises UnfitShapeError if it is invalid."""
-    if not is_manifold(mesh):
-        raise UnfitShapeError("the mesh is not manifold")
-    half_edges = half_edges_of(mesh)
-    half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
+    half_edges = editable(mesh, faces=faces)
     decimate(half_edges, faces=faces, evenness=evenness)
     return fit(mesh_of(half_edges))
 

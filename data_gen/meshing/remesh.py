@@ -35,15 +35,21 @@ THIN_QUALITY = 0.06  # triangles of lower quality than this are repaired
 TINY_EDGE = 0.12  # edges shorter than this share of the target are artefacts of the polygoniser, even along creases
 
 
+def editable(mesh: Mesh, *, faces: int) -> HalfEdges:
+    """Lay out a mesh for editing towards about `faces` faces. Raises UnfitShapeError if it is not manifold."""
+    if not is_manifold(mesh):
+        raise UnfitShapeError("the mesh is not manifold")
+    half_edges = half_edges_of(mesh)
+    half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
+    return half_edges
+
+
 def remeshed(mesh: Mesh, *, faces: int, rounds: int) -> Mesh:
     """Return a mesh of about `faces` nearly equilateral triangles (Botsch and Kobbelt 2004), without projecting them.
 
     Raises UnfitShapeError if the mesh before or after is invalid.
     """
-    if not is_manifold(mesh):
-        raise UnfitShapeError("the mesh is not manifold")
-    half_edges = half_edges_of(mesh)
-    half_edges.length[:] = np.sqrt(4 / np.sqrt(3) * mesh.area / faces)
+    half_edges = editable(mesh, faces=faces)
     for _ in range(rounds):
         split_long(half_edges)
         collapse_short(half_edges, SHORT)

@@ -30,12 +30,16 @@ SECOND_LEAST_WEIGHT = 0.3  # large, so that clean meshes count that neither netw
 FOLDS = 5
 
 
+SHAPES = (
+    "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue", "mounted",
+    "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "low_poly", "low_poly",
+)  # fmt: skip
+"""Families of the meshes for both gates that are not measured; others follow."""
 GATE_DATA = DatasetConfig(
     seed=1_000_099,
     count=6000,
     families=(
-        "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
-        "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "low_poly", "low_poly",
+        *SHAPES,
         "decimated", "decimated", "decimated", "subdivided", "subdivided", "structured", "structured", "structured",
         "terrain", "terrain", "terrain", "terrain", "modelled", "modelled", "modelled", "modelled",
         "cad_tessellation", "cad_tessellation", "cad_tessellation", "view", "view", "view", "view", "view", "laser",
@@ -58,8 +62,7 @@ ALL_KINDS = DatasetConfig(
     seed=1_000_199,
     count=2200,
     families=(
-        "assembly", "bracket", "wheel", "turned", "plate", "polyhedron", "engraved", "fan", "creature", "statue",
-        "mounted", "bust", "bumpy", "smooth", "rock", "machined_piece", "grown_piece", "low_poly", "low_poly",
+        *SHAPES,
         "decimated", "decimated", "decimated", "decimated", "decimated", "subdivided", "subdivided", "structured",
         "structured", "terrain", "terrain", "terrain", "modelled", "modelled", "modelled", "modelled",
         "cad_tessellation", "cad_tessellation", "cad_tessellation", "segmentation", "slices", "tomogram", "points",
@@ -117,11 +120,12 @@ def compare_networks(vertex: Cascade, surface: Cascade, config: DatasetConfig, i
     return _compared(vertex, surface, made, mesh, triangulation_figures(mesh, np.arange(len(mesh.faces))))
 
 
-def compare_unnoticed(model: GatedCascades, made: Pair) -> Compared | None:
+def compare_unnoticed(model: GatedCascades, place: tuple[DatasetConfig, int]) -> Compared | None:
     """Denoise a mesh with each network if the gate does not recognise it, and the vertex network finds no noise.
 
-    The features are those of the second gate.
+    The mesh is given by its data set and index. The features are those of the second gate.
     """
+    made = pair(*place)
     mesh = without_outliers(made.noisy)
     faces = np.arange(len(mesh.faces))
     if model.gate.probability(triangulation_figures(mesh, faces)) >= THRESHOLD:
@@ -139,10 +143,6 @@ def _compared(vertex: Cascade, surface: Cascade, made: Pair, mesh: Mesh, figures
         return float(np.degrees(angles_between(result.face_normals[known], made.normals[known]).mean()))
 
     return Compared(figures, angle(False), angle(True), made.family)
-
-
-def _compare_unnoticed_at(model: GatedCascades, mesh: tuple[DatasetConfig, int]) -> Compared | None:
-    return compare_unnoticed(model, pair(*mesh))
 
 
 def trained_gate(
@@ -180,7 +180,7 @@ def with_second_gate(model: GatedCascades, config: GateConfig, *, progress: Prog
     rows: list[Compared] = []
     meshes = [(data, index) for data in config.second_data for index in range(data.count)]
     with parallel_map(thread_count()) as each:
-        for done, row in enumerate(each(partial(_compare_unnoticed_at, model), meshes), 1):
+        for done, row in enumerate(each(partial(compare_unnoticed, model), meshes), 1):
             if row is not None:
                 rows.append(row)
             progress("meshes for the second gate", done, len(meshes))
