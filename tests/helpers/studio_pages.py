@@ -6,8 +6,9 @@ from base64 import b64encode
 
 from browsers import Browser, webdriver
 
-LONGEST_WAIT_S = 1200.0
-"""Limit of a wait, for what never comes, such as the answer to a lost event. Machines under load are slow."""
+LONGEST_WAIT_S = 300.0
+"""Limit of a wait, for what never comes, such as the answer to a lost event. `.ci/run` ends a test after three times as
+long, and then nobody learns what the page showed."""
 DROP = """
 const data = new DataTransfer();
 for (const [name, text] of arguments[0]) {
@@ -81,6 +82,7 @@ class Page(Browser):
 
     def drag(self, start, *steps):
         """Press at a place of the canvas, in pixels from its middle, and drag along steps."""
+        self.settle()  # a screenshot resizes the page for a moment, and with it the canvas
         action = webdriver.ActionChains(self.driver, duration=60)
         action.move_to_element_with_offset(self.one("canvas"), *start).click_and_hold()
         for step in steps:
